@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "text.hpp"
+
+#include <charconv>
+#include <cmath>
+
+namespace dynid::detail {
+
+std::string number(double value) {
+  char buffer[32];
+  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
+  return std::string(buffer, end);
+}
+
+bool parse_number(const std::string& text, double& value) {
+  const char* begin = text.data();
+  const char* const end = begin + text.size();
+  if (begin != end && *begin == '+' && end - begin > 1 && begin[1] != '-') ++begin;
+  const auto result = std::from_chars(begin, end, value);
+  return result.ec == std::errc() && result.ptr == end && std::isfinite(value);
+}
+
+Eigen::Matrix3d rotation_from_rpy(const Eigen::Vector3d& rpy) {
+  return (Eigen::AngleAxisd(rpy[2], Eigen::Vector3d::UnitZ()) *
+          Eigen::AngleAxisd(rpy[1], Eigen::Vector3d::UnitY()) *
+          Eigen::AngleAxisd(rpy[0], Eigen::Vector3d::UnitX()))
+      .toRotationMatrix();
+}
+
+Eigen::Vector3d rpy_from_rotation(const Eigen::Matrix3d& R) {
+  // Roll is ill-defined near the singular pitch; taking it off first leaves Rz(yaw) Ry(pitch), whose angles
+  // are well-defined, so that the three angles together always reproduce R to rounding.
+  const double roll = std::atan2(R(2, 1), R(2, 2));
+  const Eigen::Matrix3d zy = R * Eigen::AngleAxisd(-roll, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  return {roll, std::atan2(-zy(2, 0), zy(2, 2)), std::atan2(-zy(0, 1), zy(1, 1))};
+}
+
+bool has_centre_of_mass(const StandardParameters& p) {
+  const StandardParameters again = to_standard(from_standard(p));
+  const auto within = [](const auto& a, const auto& b) {
+    return (a - b).cwiseAbs().maxCoeff() <= 1e-15 * b.cwiseAbs().maxCoeff();
+  };
+  return within(again.segment<3>(1), p.segment<3>(1)) && within(again.tail<6>(), p.tail<6>());
+}
+
+}  // namespace dynid::detail
