@@ -32,7 +32,8 @@ Eigen::Vector3d rpy_from_rotation(const Eigen::Matrix3d& R) {
   // are well-defined, so that the three angles together always reproduce R to rounding.
   const double roll = std::atan2(R(2, 1), R(2, 2));
   const Eigen::Matrix3d zy = R * Eigen::AngleAxisd(-roll, Eigen::Vector3d::UnitX()).toRotationMatrix();
-  return {roll, std::atan2(-zy(2, 0), zy(2, 2)), std::atan2(-zy(0, 1), zy(1, 1))};
+  const Eigen::Vector3d rpy(roll, std::atan2(-zy(2, 0), zy(2, 2)), std::atan2(-zy(0, 1), zy(1, 1)));
+  return rpy + Eigen::Vector3d::Zero();  // -0 becomes 0
 }
 
 bool has_centre_of_mass(const StandardParameters& p) {

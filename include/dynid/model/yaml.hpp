@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "dynid/model/coefficient.hpp"
+
+namespace dynid {
+
+/// Reads a model file, `format: dynid-model-1`. Throws Error `file:line: joints[3].com: what is wrong`,
+/// joints being counted from 1, on anything unknown, missing, misplaced or not finite. Physical consistency
+/// is not asked for here: see read_model_file() and inconsistencies().
+///
+/// | key | holds |
+/// | --- | --- |
+/// | `name`, `base_link`, `tip_link` | names |
+/// | `tip` | pose of the tip in the last link's frame; identity when left out |
+/// | `gravity` | [m/s^2], base frame |
+/// | `note` | one line, may be left out |
+/// | `physically_consistent`, `inconsistencies` | what inconsistencies() said when the file was written;
+/// checked to be of the right type, then recomputed | | `joints` | base to tip: `name`, `link`, `type`
+/// (revolute, continuous, prismatic); `dh: {a, alpha, d, theta}` (Rx(alpha) Tx(a) Rz(theta + q) Tz(d); theta
+/// may be left out) or `origin` (a pose in the parent's link frame) with `axis`; the rest may be left out:
+/// `limits: {lower, upper, velocity, acceleration, jerk, torque, torque_rate}`, `mass`, `com`, `inertia`, or
+/// `mass`, `first_moment`, `inertia_about_origin`; `friction: {viscous, coulomb, offset, phi1, phi2, phi3}`,
+/// eqs. (24) and (25); `rotor_inertia` | | `coefficients` | where the model was identified: `name`,
+/// `expression`, `value`, `std_percent` (left out: unknown, infinite), `kept` |
+///
+/// A pose is `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}` (URDF's: Rz(yaw) Ry(pitch) Rx(roll)) or
+/// `{xyz: [x, y, z], quaternion: [x, y, z, w]}`; either part may be left out. Inertia is `{xx, xy, xz, yy,
+/// yz, zz}`, a tensor in the axes of the link frame, about the centre of mass (`inertia`) or the frame's
+/// origin.
+ModelFile read_model(const std::string& path);
+
+/// The same from a text; `name` stands for the file in what an Error says.
+ModelFile parse_model(const std::string& text, const std::string& name);
+
+/// The text of a model file. parse_model() of it gives the model back: the same doubles throughout, except
+/// that origins given without a DH row, the tip, and the link parameters pass through angles and centres of
+/// mass, and are the same to 1e-15 of their largest entries. Throws Error where validate() does, or when
+/// joints share a name.
+std::string to_yaml(const ModelFile& model);
+
+/// Writes to_yaml(model) to `path`, whole or not at all. Throws Error.
+void write_model(const std::string& path, const ModelFile& model);
+
+}  // namespace dynid
