@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+#
+# Installs the build into a prefix, moves the prefix, and builds against it what a user would: the examples, which are
+# then run, and test/packaging/consumer. Run by ctest with
+#   cmake -D BUILD=... -D SOURCE=... -D WORK=... -D GENERATOR=... -D COMPILER=...
+#     -D FLAGS=... -P this
+cmake_minimum_required(VERSION 3.16)
+
+function(run)
+  execute_process(COMMAND ${ARGV} RESULT_VARIABLE status OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT status EQUAL 0)
+    list(JOIN ARGV " " command)
+    message(FATAL_ERROR "'${command}' ended with ${status}:\n${output}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+file(REMOVE_RECURSE "${WORK}")
+file(MAKE_DIRECTORY "${WORK}")
+run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/installed")
+file(RENAME "${WORK}/installed" "${WORK}/prefix")
+
+foreach(project examples test/packaging/consumer)
+  get_filename_component(name "${project}" NAME)
+  run("${CMAKE_COMMAND}" -S "${SOURCE}/${project}" -B "${WORK}/${name}" -G "${GENERATOR}"
+    "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}" "-DCMAKE_PREFIX_PATH=${WORK}/prefix"
+    -DCMAKE_EXPORT_NO_PACKAGE_REGISTRY=ON -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
+  run("${CMAKE_COMMAND}" --build "${WORK}/${name}" --parallel 2)
+endforeach()
+
+file(GLOB examples "${SOURCE}/examples/*.cpp")
+if(NOT examples)
+  message(FATAL_ERROR "there is no example in ${SOURCE}/examples")
+endif()
+foreach(example IN LISTS examples)
+  get_filename_component(name "${example}" NAME_WE)
+  run("${WORK}/examples/${name}" "${WORK}/prefix/share/dynid/config/panda.yaml")
+  message("${name}:\n${output}")
+endforeach()
+
+run("${WORK}/prefix/bin/dynid" --help)
