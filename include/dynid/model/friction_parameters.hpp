@@ -15,6 +15,7 @@ struct LinearFriction {
   double viscous = 0.0;  ///< fv [N m s/rad]
   double coulomb = 0.0;  ///< fc [N m]
   double offset = 0.0;   ///< fo [N m]
+  double velocity_scale = 0.0;  ///< v_s [rad/s]: sign(dq) is read as tanh(dq / v_s); 0 is the exact sign
 };
 
 /// Eq. (25): tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)).

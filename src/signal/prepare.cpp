@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/signal/prepare.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <numeric>
+#include <sstream>
+
+#include "dynid/error.hpp"
+#include "dynid/signal/filter.hpp"
+#include "dynid/signal/spectrum.hpp"
+
+namespace dynid {
+namespace {
+
+constexpr double spectrum_window = 20.0;  // [s]
+
+double median(std::vector<double> x) {
+  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
+  std::nth_element(x.begin(), middle, x.end());
+  return *middle;
+}
+
+std::string sentence(std::initializer_list<const char*> words, std::initializer_list<double> numbers) {
+  std::ostringstream text;
+  text << std::setprecision(4);
+  auto number = numbers.begin();
+  for (const char* word : words) {
+    text << word;
+    if (number != numbers.end()) text << *number++;
+  }
+  return text.str();
+}
+
+/// Rows that say something new: not the same instant, nor the same reading under another stamp.
+std::vector<Eigen::Index> fresh_rows(const Log& log) {
+  std::vector<Eigen::Index> rows;
+  rows.reserve(static_cast<std::size_t>(log.samples()));
+  for (Eigen::Index i = 0; i < log.samples(); ++i) {
+    if (!rows.empty()) {
+      const Eigen::Index p = rows.back();
+      if (log.t[i] <= log.t[p]) continue;
+      if (log.q.row(i) == log.q.row(p) && (log.tau.size() == 0 || log.tau.row(i) == log.tau.row(p)) &&
+          (log.dq.size() == 0 || log.dq.row(i) == log.dq.row(p)))
+        continue;
+    }
+    rows.push_back(i);
+  }
+  return rows;
+}
+
+Eigen::VectorXd pick(const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Index* rows, Eigen::Index count) {
+  Eigen::VectorXd out(count);
+  for (Eigen::Index i = 0; i < count; ++i) out[i] = x[rows[i]];
+  return out;
+}
+
+Eigen::VectorXd uniform_grid(double start, double end, double rate) {
+  const auto n = static_cast<Eigen::Index>(std::floor((end - start) * rate + 1e-9)) + 1;
+  return Eigen::VectorXd::LinSpaced(n, start, start + double(n - 1) / rate);
+}
+
+struct Interval {
+  std::vector<Eigen::Index> rows;  // fresh
+  double rate = 0.0;               // [Hz]
+};
+
+Interval fresh_interval(const Log& log) {
+  Interval out;
+  out.rows = fresh_rows(log);
+  if (out.rows.size() < 16)
+    throw Error(log.source + ": " + std::to_string(out.rows.size()) +
+                " samples that differ from one another: at least 16 are needed");
+  std::vector<double> steps;
+  steps.reserve(out.rows.size());
+  for (std::size_t i = 1; i < out.rows.size(); ++i) steps.push_back(log.t[out.rows[i]] - log.t[out.rows[i - 1]]);
+  out.rate = 1.0 / median(std::move(steps));
+  return out;
+}
+
+/// Delay d with dq(t) = v(t - d), v the derivative of q, pooled over joints by energy; and its spread over joints.
+struct Lag {
+  double value = 0.0;
+  double error = 0.0;
+};
+
+Lag velocity_lag(const Log& log, const Interval& in, double cutoff) {
+  const auto count = static_cast<Eigen::Index>(in.rows.size());
+  const Eigen::VectorXd t = pick(log.t, in.rows.data(), count);
+  const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], in.rate);
+  const ZeroPhaseButterworth filter(std::min(cutoff, 0.4 * in.rate), in.rate);
+  std::vector<double> lags, weights;
+  for (int j = 0; j < log.joints(); ++j) {
+    Eigen::MatrixXd v = interpolate(t, pick(log.q.col(j), in.rows.data(), count), grid);
+    filter.apply(v);
+    v = differentiate(v, in.rate);
+    const Eigen::MatrixXd a = differentiate(v, in.rate);
+    const Eigen::VectorXd raw = pick(log.dq.col(j), in.rows.data(), count);
+    double lag = 0.0;
+    for (int pass = 0; pass < 4; ++pass) {  // a first-order step, repeated, reaches lags beyond one sample
+      Eigen::MatrixXd w = interpolate(t, raw, grid.array() + lag);
+      filter.apply(w);
+      lag -= a.col(0).dot(w.col(0) - v.col(0)) / std::max(a.squaredNorm(), 1e-12);
+      lag = std::clamp(lag, -0.2, 0.2);
+    }
+    const double energy = a.squaredNorm();
+    if (energy <= 1e-9 * double(grid.size())) continue;  // a joint at rest has no lag
+    lags.push_back(lag);
+    weights.push_back(energy);
+  }
+  if (lags.empty()) return {};
+  const double value = median(lags);
+  std::vector<double> off;
+  for (double lag : lags) off.push_back(std::abs(lag - value));
+  return {value, 1.4826 * median(off) / std::sqrt(double(lags.size()))};
+}
+
+/// Noise of the acceleration just above the band, once differentiated from dq and twice from q.
+bool velocity_is_quieter(const Log& log, const Interval& in, double cutoff) {
+  const auto count = static_cast<Eigen::Index>(in.rows.size());
+  const Eigen::VectorXd t = pick(log.t, in.rows.data(), count);
+  const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], in.rate);
+  int votes = 0;
+  for (int j = 0; j < log.joints(); ++j) {
+    const Spectrum p = welch(interpolate(t, pick(log.q.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    const Spectrum v = welch(interpolate(t, pick(log.dq.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    double from_position = 0.0, from_velocity = 0.0;
+    for (Eigen::Index k = 0; k < p.frequency.size(); ++k) {
+      const double f = p.frequency[k], w2 = f * f;
+      if (f < cutoff || f > 2.0 * cutoff) continue;
+      from_position += p.density[k] * w2 * w2 * 4.0 * M_PI * M_PI;
+      from_velocity += v.density[k] * w2;
+    }
+    votes += from_velocity <= from_position ? 1 : -1;
+  }
+  return votes >= 0;
+}
+
+void check_timing(const Log& log, const Interval& in, DataReport& report) {
+  const auto dropped = double(log.samples()) - double(in.rows.size());
+  if (dropped > 0)
+    report.issues.push_back({"repeated_rows", {}, dropped / double(log.samples()), "1",
+                             sentence({"", " % of the rows repeat the one before; dropped"},
+                                      {100.0 * dropped / double(log.samples())})});
+  double sum = 0.0, longest = 0.0;
+  long regular = 0, gaps = 0;
+  for (std::size_t i = 1; i < in.rows.size(); ++i) {
+    const double step = log.t[in.rows[i]] - log.t[in.rows[i - 1]];
+    longest = std::max(longest, step);
+    if (step * in.rate > 3.0) {
+      ++gaps;
+    } else {
+      sum += (step - 1.0 / in.rate) * (step - 1.0 / in.rate);
+      ++regular;
+    }
+  }
+  const double jitter = std::sqrt(sum / double(std::max(regular, 1L)));
+  if (jitter * in.rate > 0.02)
+    report.issues.push_back({"jitter", {}, jitter, "s",
+                             sentence({"intervals of ", " ms scatter by ", " ms; resampled"},
+                                      {1e3 / in.rate, 1e3 * jitter})});
+  if (gaps > 0)
+    report.issues.push_back({"gaps", {}, longest, "s",
+                             sentence({"", " intervals are longer than three samples, the longest ", " ms; bridged, or cut "
+                                       "where the filter could not bridge them"}, {double(gaps), 1e3 * longest})});
+}
+
+void check_channels(const Log& log, const Interval& in, DataReport& report) {
+  const auto count = static_cast<Eigen::Index>(in.rows.size());
+  std::vector<int> saturated, constant, quantised;
+  double quantum = 0.0;
+  for (int j = 0; j < log.joints(); ++j) {
+    if (log.tau.size() > 0) {
+      const Eigen::VectorXd tau = pick(log.tau.col(j), in.rows.data(), count);
+      const double low = tau.minCoeff(), high = tau.maxCoeff();
+      if (low == high) {
+        constant.push_back(j + 1);
+      } else {
+        Eigen::Index run = 0, longest = 0;
+        for (Eigen::Index i = 0; i < count; ++i) {
+          run = (tau[i] == low || tau[i] == high) ? run + 1 : 0;
+          longest = std::max(longest, run);
+        }
+        if (longest >= 10) saturated.push_back(j + 1);
+      }
+    }
+    // Quantised: nearly all steps are whole multiples of the smallest one, and it is not mere printing precision.
+    std::vector<double> steps;
+    for (Eigen::Index i = 1; i < count; ++i) {
+      const double step = std::abs(log.q(in.rows[static_cast<std::size_t>(i)], j) -
+                                   log.q(in.rows[static_cast<std::size_t>(i - 1)], j));
+      if (step > 1e-9) steps.push_back(step);
+    }
+    if (steps.size() < 32) continue;
+    const double least = *std::min_element(steps.begin(), steps.end());
+    const auto whole = std::count_if(steps.begin(), steps.end(), [&](double s) {
+      return std::abs(s / least - std::round(s / least)) < 0.05;
+    });
+    if (least >= 2e-5 && double(whole) > 0.95 * double(steps.size())) {
+      quantised.push_back(j + 1);
+      quantum = std::max(quantum, least);
+    }
+  }
+  if (!constant.empty())
+    report.issues.push_back({"constant_channel", constant, 0.0, "N m", "a torque channel never changes"});
+  if (!saturated.empty())
+    report.issues.push_back({"saturation", saturated, double(saturated.size()), "1",
+                             "torque stays at its extreme value for ten samples or more"});
+  if (!quantised.empty())
+    report.issues.push_back({"quantisation", quantised, quantum, "rad",
+                             sentence({"positions move in steps of ", " rad; filtered"}, {quantum})});
+}
+
+}  // namespace
+
+double choose_cutoff(const Log& log) {
+  const Interval in = fresh_interval(log);
+  const auto count = static_cast<Eigen::Index>(in.rows.size());
+  const Eigen::VectorXd t = pick(log.t, in.rows.data(), count);
+  const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], in.rate);
+  const bool from_velocity = log.dq.size() > 0;
+  double quickest = 0.0;
+  for (int j = 0; j < log.joints(); ++j) {
+    const auto& channel = from_velocity ? log.dq : log.q;
+    Spectrum s = welch(interpolate(t, pick(channel.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    if (!from_velocity) s.density.array() *= s.frequency.array().square();
+    const double total = s.density.sum();
+    double part = 0.0;
+    for (Eigen::Index k = 0; k < s.density.size() && total > 0.0; ++k) {
+      part += s.density[k];
+      if (part < 0.99 * total) continue;
+      quickest = std::max(quickest, s.frequency[k]);
+      break;
+    }
+  }
+  return std::min(std::max(10.0 * quickest, 1.0), in.rate / 6.0);
+}
+
+PreparedLog prepare(const Log& log, const PrepareOptions& options) {
+  if (log.t.size() == 0) throw Error(log.source + ": column t is missing");
+  if (log.tau.size() == 0) throw Error(log.source + ": column tau1 is missing");
+  const Interval in = fresh_interval(log);
+  const int n = log.joints();
+
+  PreparedLog out;
+  out.source = log.source;
+  out.report.samples = log.samples();
+  out.report.rate_hz = in.rate;
+  out.report.duration = log.t[log.t.size() - 1] - log.t[0];
+  check_timing(log, in, out.report);
+  check_channels(log, in, out.report);
+
+  out.cutoff = options.cutoff > 0.0 ? options.cutoff : choose_cutoff(log);
+  if (out.cutoff >= 0.5 * in.rate) {
+    std::ostringstream text;
+    text << log.source << ": cut-off frequency " << out.cutoff << " Hz: the log's rate of " << in.rate
+         << " Hz allows less than " << 0.5 * in.rate << " Hz";
+    throw Error(text.str());
+  }
+
+  const bool has_velocity = log.dq.size() > 0;
+  if (has_velocity) {
+    const Lag lag = velocity_lag(log, in, out.cutoff);
+    if (std::abs(lag.value) > 1e-3 && std::abs(lag.value) > 4.0 * lag.error) {
+      std::vector<int> all(static_cast<std::size_t>(n));
+      std::iota(all.begin(), all.end(), 1);
+      if (options.mend_velocity_lag) out.velocity_lag = lag.value;
+      out.report.issues.push_back(
+          {"velocity_lag", all, lag.value, "s",
+           sentence({"the logged dq comes ", options.mend_velocity_lag ? " ms after the derivative of q; realigned"
+                                                                       : " ms after the derivative of q"},
+                    {1e3 * lag.value})});
+    }
+  }
+  out.motion = options.source;
+  if (!has_velocity) out.motion = MotionSource::position;
+  if (out.motion == MotionSource::automatic)
+    out.motion = velocity_is_quieter(log, in, out.cutoff) ? MotionSource::velocity : MotionSource::position;
+
+  // The grid is fine enough for cubic interpolation between slow samples, and is thinned to about 25 x the cut-off.
+  const double up = std::max(1.0, std::ceil(10.0 * out.cutoff / in.rate));
+  const double fine = in.rate * up;
+  const auto stride = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(fine / (25.0 * out.cutoff))));
+  const double rate = fine / double(stride);
+  const ZeroPhaseButterworth band(out.cutoff, fine);
+  const double longest_bridge = std::max(5.0 / in.rate, 0.25 / out.cutoff);
+  const double shortest_segment = 2.0 / out.cutoff + 16.0 / in.rate;
+
+  double dropped = 0.0;
+  for (std::size_t first = 0; first < in.rows.size();) {
+    std::size_t last = first + 1;
+    while (last < in.rows.size() && log.t[in.rows[last]] - log.t[in.rows[last - 1]] <= longest_bridge) ++last;
+    const Eigen::Index* rows = in.rows.data() + first;
+    const auto count = static_cast<Eigen::Index>(last - first);
+    first = last;
+    const double length = log.t[rows[count - 1]] - log.t[rows[0]];
+    if (length < shortest_segment) {
+      dropped += length;
+      continue;
+    }
+    const Eigen::VectorXd t = pick(log.t, rows, count);
+    const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], fine);
+    const Eigen::Index size = (grid.size() - 1) / stride + 1;
+    const auto thin = [&](const Eigen::MatrixXd& x) -> Eigen::VectorXd {
+      return Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(x.data(), size, Eigen::InnerStride<>(stride));
+    };
+    Segment s;
+    s.rate = rate;
+    s.t = thin(grid);
+    for (Eigen::MatrixXd* m : {&s.q, &s.dq, &s.ddq, &s.tau}) m->resize(size, n);
+    // One channel at a time: a log of hours must not stand in memory several times over.
+    for (int j = 0; j < n; ++j) {
+      Eigen::MatrixXd x = interpolate(t, pick(log.q.col(j), rows, count), grid);
+      band.apply(x);
+      s.q.col(j) = thin(x);
+      if (out.motion == MotionSource::velocity) {
+        x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag);
+        band.apply(x);
+      } else {
+        x = differentiate(x, fine);
+      }
+      s.dq.col(j) = thin(x);
+      s.ddq.col(j) = thin(differentiate(x, fine));
+      x = interpolate(t, pick(log.tau.col(j), rows, count), grid);
+      if (stride > 1) ZeroPhaseButterworth(0.4 * rate, fine).apply(x);
+      s.tau.col(j) = thin(x);
+    }
+    out.segments.push_back(std::move(s));
+  }
+  if (out.segments.empty()) {
+    std::ostringstream text;
+    text << log.source << ": no stretch without gaps is longer than " << shortest_segment << " s, which a cut-off of "
+         << out.cutoff << " Hz needs";
+    throw Error(text.str());
+  }
+  if (dropped > 0.0)
+    out.report.issues.push_back({"short_segments", {}, dropped, "s",
+                                 sentence({"", " s stand between gaps and are too short to filter; dropped"}, {dropped})});
+  return out;
+}
+
+}  // namespace dynid
