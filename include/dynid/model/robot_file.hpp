@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dynid/model/coefficient.hpp"
+
+namespace dynid {
+
+/// What to do with a model that breaks eq. (11) or (16).
+enum class Consistency {
+  refuse,  ///< throw Error naming link, rule and margin
+  warn,    ///< list what is broken for the caller
+  ignore,
+};
+
+/// Reads a URDF (its first character is `<`; see parse_urdf()) or a model file (see read_model()). A URDF is
+/// a model too: its inertials and `<dynamics>`, with no coefficients.
+///
+/// `base`, `tip`: links, for a URDF; a model file is one chain already, and they must be its own or empty.
+/// `broken`, if given, takes the broken rules (empty under Consistency::ignore). Throws Error.
+ModelFile read_model_file(const std::string& path, const std::string& base = "", const std::string& tip = "",
+                          Consistency consistency = Consistency::refuse,
+                          std::vector<Inconsistency>* broken = nullptr);
+
+/// The robot of read_model_file().
+Robot read_robot(const std::string& path, const std::string& base = "", const std::string& tip = "",
+                 Consistency consistency = Consistency::refuse, std::vector<Inconsistency>* broken = nullptr);
+
+}  // namespace dynid

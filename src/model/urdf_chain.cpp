@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "urdf_chain.hpp"
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <map>
+#include <mutex>
+
+#include "dynid/error.hpp"
+
+namespace dynid::detail {
+namespace {
+
+/// Keeps what urdfdom would print, while it lives.
+class CapturedLog : public console_bridge::OutputHandler {
+ public:
+  CapturedLog() : lock_(mutex()) { console_bridge::useOutputHandler(this); }
+  ~CapturedLog() override { console_bridge::restorePreviousOutputHandler(); }
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level != console_bridge::CONSOLE_BRIDGE_LOG_ERROR) return;
+    if (!errors_.empty()) errors_ += "; ";
+    for (const char c : text) errors_ += c == '\n' ? ' ' : c;
+  }
+  const std::string& errors() const { return errors_; }
+
+ private:
+  static std::mutex& mutex() {  // the handler is one for the whole process
+    static std::mutex instance;
+    return instance;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::string errors_;
+};
+
+Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() << pose.position.x, pose.position.y, pose.position.z;
+  const urdf::Rotation& r = pose.rotation;
+  T.linear() = Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized().toRotationMatrix();
+  return T;
+}
+
+bool is_fixed(const urdf::Joint& joint) { return joint.type == urdf::Joint::FIXED; }
+
+/// True where a joint that is not fixed hangs from `joint`, or is `joint`.
+bool moves(const urdf::ModelInterface& model, const urdf::Joint& joint) {
+  if (!is_fixed(joint)) return true;
+  for (const auto& child : model.getLink(joint.child_link_name)->child_joints) {
+    if (moves(model, *child)) return true;
+  }
+  return false;
+}
+
+void collect_leaves(const urdf::Link& link, std::string& names) {
+  if (link.child_links.empty()) names += (names.empty() ? "'" : ", '") + link.name + "'";
+  for (const auto& child : link.child_links) collect_leaves(*child, names);
+}
+
+class Reader {
+ public:
+  Reader(const std::string& text, const std::string& name) : name_(name) {
+    chain_.elements = index_xml(text, name);
+    check_tree();
+    const CapturedLog log;
+    try {
+      model_ = urdf::parseURDF(text);
+    } catch (const std::exception& error) {
+      throw Error(name + ": " + error.what());
+    }
+    if (!model_ || !model_->getRoot()) {
+      throw Error(name + ": " + (log.errors().empty() ? "is not a URDF" : log.errors()));
+    }
+  }
+
+  UrdfChain read(const std::string& base, const std::string& tip) {
+    const urdf::LinkConstSharedPtr base_link = base.empty() ? model_->getRoot() : link(base, "base");
+    const urdf::LinkConstSharedPtr tip_link = tip.empty() ? default_tip(base_link) : link(tip, "tip");
+    chain_.robot_name = model_->getName();
+    chain_.base = base_link->name;
+    chain_.tip = tip_link->name;
+    for (urdf::LinkConstSharedPtr l = base_link; l->parent_joint; l = l->getParent()) {
+      chain_.base_pose = to_eigen(l->parent_joint->parent_to_joint_origin_transform) * chain_.base_pose;
+    }
+    follow(path(base_link, tip_link));
+    if (chain_.joints.empty()) {
+      throw Error(name_ + ": no moving joint between base '" + chain_.base + "' and tip '" + chain_.tip +
+                  "'");
+    }
+    return std::move(chain_);
+  }
+
+ private:
+  [[noreturn]] void fail(const char* tag, const std::string& element, const std::string& what) const {
+    const XmlElement* found = find_named(chain_.elements, tag, element);
+    throw Error(name_ + (found != nullptr ? ":" + std::to_string(found->line) : "") + ": " + tag + " '" +
+                element + "': " + what);
+  }
+
+  /// A link that two joints carry is no error for urdfdom, and a closed ring one that names nothing.
+  void check_tree() const {
+    std::map<std::string, std::pair<std::string, std::string>> up;  // link -> (joint, its parent link)
+    for (std::size_t k = 0; k < chain_.elements.size(); ++k) {
+      const XmlElement& joint = chain_.elements[k];
+      if (joint.parent != 0 || joint.tag != "joint") continue;
+      std::string parent, child;
+      for (std::size_t j = k + 1; j < chain_.elements.size() && chain_.elements[j].begin < joint.end; ++j) {
+        const XmlElement& element = chain_.elements[j];
+        if (element.parent != static_cast<int>(k)) continue;
+        if (element.tag == "parent") parent = element.attribute("link");
+        if (element.tag == "child") child = element.attribute("link");
+      }
+      const std::string joint_name = joint.attribute("name");
+      const auto [other, inserted] = up.insert({child, {joint_name, parent}});
+      if (!inserted && !child.empty()) {
+        fail("joint", joint_name,
+             "link '" + child + "' hangs from joint '" + other->second.first +
+                 "' already: a loop, not a tree");
+      }
+    }
+    for (const auto& entry : up) {
+      std::size_t steps = 0;
+      for (auto at = up.find(entry.first); at != up.end(); at = up.find(at->second.second)) {
+        if (++steps > up.size()) fail("joint", entry.second.first, "is part of a loop");
+      }
+    }
+  }
+
+  urdf::LinkConstSharedPtr link(const std::string& link_name, const char* role) const {
+    const urdf::LinkConstSharedPtr found = model_->getLink(link_name);
+    if (!found) {
+      throw Error(name_ + ": unknown " + role + " link '" + link_name +
+                  "' (leaves: " + leaves(*model_->getRoot()) + ")");
+    }
+    return found;
+  }
+
+  static std::string leaves(const urdf::Link& from) {
+    std::string names;
+    collect_leaves(from, names);
+    return names;
+  }
+
+  urdf::LinkConstSharedPtr default_tip(urdf::LinkConstSharedPtr at) const {
+    for (;;) {
+      urdf::JointConstSharedPtr next;
+      int ways = 0;
+      for (const auto& joint : at->child_joints) {
+        if (!moves(*model_, *joint)) continue;
+        next = joint;
+        ++ways;
+      }
+      if (ways > 1) {
+        throw Error(name_ + ": moving joints branch at link '" + at->name +
+                    "': choose a base and a tip (leaves: " + leaves(*at) + ")");
+      }
+      if (ways == 0) {
+        if (at->child_joints.size() != 1) return at;
+        next = at->child_joints.front();
+      }
+      at = model_->getLink(next->child_link_name);
+    }
+  }
+
+  /// The joints from `base` to `tip`.
+  std::vector<urdf::JointConstSharedPtr> path(const urdf::LinkConstSharedPtr& base,
+                                              const urdf::LinkConstSharedPtr& tip) const {
+    std::vector<urdf::JointConstSharedPtr> joints;
+    for (urdf::LinkConstSharedPtr at = tip; at != base; at = at->getParent()) {
+      if (!at->parent_joint) {
+        throw Error(name_ + ": tip link '" + tip->name + "' does not hang from base link '" + base->name +
+                    "' (leaves: " + leaves(*base) + ")");
+      }
+      joints.insert(joints.begin(), at->parent_joint);
+    }
+    return joints;
+  }
+
+  void follow(const std::vector<urdf::JointConstSharedPtr>& joints) {
+    Eigen::Isometry3d in_mover =
+        Eigen::Isometry3d::Identity();  // the current link in the last moving link's frame
+    for (std::size_t k = 0; k < joints.size(); ++k) {
+      const urdf::Joint& joint = *joints[k];
+      const urdf::LinkConstSharedPtr child = model_->getLink(joint.child_link_name);
+      const urdf::Joint* next = k + 1 < joints.size() ? joints[k + 1].get() : nullptr;
+      in_mover = in_mover * to_eigen(joint.parent_to_joint_origin_transform);
+      if (!is_fixed(joint)) {
+        check_moving(joint);
+        UrdfJoint moving;
+        moving.joint = joints[k];
+        moving.link = child;
+        moving.origin = in_mover;
+        chain_.joints.push_back(moving);
+        in_mover.setIdentity();
+      } else if (!chain_.joints.empty()) {
+        chain_.joints.back().lumped += transformed(own_parameters(*child), in_mover);
+      }
+      if (!chain_.joints.empty()) lump_branches(*child, next, in_mover, chain_.joints.back().lumped);
+    }
+    chain_.tip_pose = in_mover;
+  }
+
+  void check_moving(const urdf::Joint& joint) const {
+    if (joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::CONTINUOUS &&
+        joint.type != urdf::Joint::PRISMATIC) {
+      fail("joint", joint.name, "is neither revolute, continuous, prismatic nor fixed");
+    }
+    if (joint.mimic) {
+      fail(
+          "joint", joint.name,
+          "mimics joint '" + joint.mimic->joint_name + "': a coupled joint cannot be part of a serial chain");
+    }
+    const urdf::Vector3& a = joint.axis;
+    if (!(Eigen::Vector3d(a.x, a.y, a.z).norm() > 1e-9))
+      fail("joint", joint.name, "its axis has no direction");
+  }
+
+  /// Adds the bodies beyond every child joint of `link` but `except`, joints at zero; `in_mover` is the
+  /// link's pose.
+  void lump_branches(const urdf::Link& link, const urdf::Joint* except, const Eigen::Isometry3d& in_mover,
+                     StandardParameters& sum) const {
+    for (const auto& joint : link.child_joints) {
+      if (joint.get() == except) continue;
+      const urdf::LinkConstSharedPtr child = model_->getLink(joint->child_link_name);
+      const Eigen::Isometry3d pose = in_mover * to_eigen(joint->parent_to_joint_origin_transform);
+      sum += transformed(own_parameters(*child), pose);
+      lump_branches(*child, nullptr, pose, sum);
+    }
+  }
+
+  std::string name_;
+  urdf::ModelInterfaceSharedPtr model_;
+  UrdfChain chain_;
+};
+
+}  // namespace
+
+UrdfChain read_chain(const std::string& text, const std::string& name, const std::string& base,
+                     const std::string& tip) {
+  return Reader(text, name).read(base, tip);
+}
+
+StandardParameters own_parameters(const urdf::Link& link) {
+  if (!link.inertial) return StandardParameters::Zero();
+  const urdf::Inertial& inertial = *link.inertial;
+  const Eigen::Isometry3d pose = to_eigen(inertial.origin);
+  Eigen::Matrix3d I;
+  I << inertial.ixx, inertial.ixy, inertial.ixz, inertial.ixy, inertial.iyy, inertial.iyz, inertial.ixz,
+      inertial.iyz, inertial.izz;
+  return to_standard({inertial.mass, pose.translation(), pose.linear() * I * pose.linear().transpose()});
+}
+
+const XmlElement* find_named(const std::vector<XmlElement>& elements, const char* tag,
+                             const std::string& name) {
+  for (const XmlElement& element : elements) {
+    if (element.parent == 0 && element.tag == tag && element.attribute("name") == name) return &element;
+  }
+  return nullptr;
+}
+
+}  // namespace dynid::detail
