@@ -3,7 +3,7 @@
 # Installs the build into a prefix, moves the prefix, and builds against it what a user would: the examples, which are
 # then run, and test/packaging/consumer. Run by ctest with
 #   cmake -D BUILD=... -D SOURCE=... -D WORK=... -D GENERATOR=... -D COMPILER=...
-#     -D FLAGS=... -P this
+#     -D FLAGS=... -D SHARED=... -P this
 cmake_minimum_required(VERSION 3.16)
 
 function(run)
@@ -23,8 +23,8 @@ file(RENAME "${WORK}/installed" "${WORK}/prefix")
 foreach(project examples test/packaging/consumer)
   get_filename_component(name "${project}" NAME)
   run("${CMAKE_COMMAND}" -S "${SOURCE}/${project}" -B "${WORK}/${name}" -G "${GENERATOR}"
-    "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}" "-DCMAKE_PREFIX_PATH=${WORK}/prefix"
-    -DCMAKE_EXPORT_NO_PACKAGE_REGISTRY=ON -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
+    "-DDYNID_SHARED=${SHARED}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}"
+    "-DCMAKE_PREFIX_PATH=${WORK}/prefix" --no-warn-unused-cli -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
   run("${CMAKE_COMMAND}" --build "${WORK}/${name}" --parallel 2)
 endforeach()
 
