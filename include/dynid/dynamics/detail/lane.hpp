@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+namespace dynid::detail {
+
+#if defined(__GNUC__)  // GCC, Clang and their kin lower these vectors to whatever the target has
+
+#if defined(__AVX__)
+inline constexpr int lane_width = 4;
+#else
+inline constexpr int lane_width = 2;
+#endif
+
+/// `lane_width` doubles that fit one machine register; arithmetic is lane by lane.
+struct Lane {
+  typedef double Vector __attribute__((vector_size(lane_width * sizeof(double))));
+  typedef std::int64_t Bits __attribute__((vector_size(lane_width * sizeof(double))));
+  typedef Vector UnalignedVector __attribute__((aligned(8), may_alias));
+
+  Vector v;
+
+  Lane() = default;
+  [[gnu::always_inline]] Lane(double x) : v(x - Vector{}) {}
+  [[gnu::always_inline]] explicit Lane(Vector x) : v(x) {}
+
+  [[gnu::always_inline]] static Lane load(const double* p) {
+    return Lane(Vector(*reinterpret_cast<const UnalignedVector*>(p)));
+  }
+  [[gnu::always_inline]] void store(double* p) const { *reinterpret_cast<UnalignedVector*>(p) = v; }
+  [[gnu::always_inline]] double operator[](int k) const { return v[k]; }
+  [[gnu::always_inline]] void set(int k, double x) { v[k] = x; }
+
+  [[gnu::always_inline]] friend Lane operator+(Lane a, Lane b) { return Lane(a.v + b.v); }
+  [[gnu::always_inline]] friend Lane operator-(Lane a, Lane b) { return Lane(a.v - b.v); }
+  [[gnu::always_inline]] friend Lane operator*(Lane a, Lane b) { return Lane(a.v * b.v); }
+  [[gnu::always_inline]] friend Lane operator/(Lane a, Lane b) { return Lane(a.v / b.v); }
+  [[gnu::always_inline]] friend Lane operator-(Lane a) { return Lane(-a.v); }
+  [[gnu::always_inline]] Lane& operator+=(Lane b) { return v += b.v, *this; }
+  [[gnu::always_inline]] Lane& operator-=(Lane b) { return v -= b.v, *this; }
+  [[gnu::always_inline]] Lane& operator*=(Lane b) { return v *= b.v, *this; }
+};
+
+#else  // any other compiler: lanes of one
+
+inline constexpr int lane_width = 1;
+using Lane = double;
+
+#endif
+
+/// How a kernel walks along an array of `E` whose index is a joint: `V` holds `width` neighbours.
+template <class V, class E>
+inline constexpr int width = std::is_same_v<V, E> ? 1 : lane_width;
+
+template <class V, class E>
+[[gnu::always_inline]] inline V load(const E* p) {
+  if constexpr (std::is_same_v<V, E>)
+    return *p;
+  else
+    return V::load(p);
+}
+
+template <class V, class E>
+[[gnu::always_inline]] inline void store(E* p, const V& x) {
+  if constexpr (std::is_same_v<V, E>)
+    *p = x;
+  else
+    x.store(p);
+}
+
+/// Constants of the model: doubles, whatever the element. One value for all samples, or `width` neighbours.
+template <class V, class E>
+[[gnu::always_inline]] inline V load_constant(const double* p) {
+  if constexpr (std::is_same_v<V, E>)
+    return V(*p);
+  else
+    return V::load(p);
+}
+
+/// Lane k of the result is 1 where first + k == joint, else 0; `first <= joint < first + width`.
+template <class V, class E>
+[[gnu::always_inline]] inline V unit_lane(int first, int joint) {
+  if constexpr (std::is_same_v<V, E>) {
+    (void)first, (void)joint;
+    return V(1.0);
+  } else {
+    constexpr double table[7] = {0, 0, 0, 1, 0, 0, 0};
+    return V::load(table + 3 - (joint - first));
+  }
+}
+
+/// Lane k of the result is `upto` where first + k <= joint, else `after`.
+template <class V, class E>
+[[gnu::always_inline]] inline V select_up_to(int first, int joint, const V& upto, const V& after) {
+  if (joint < first) return after;
+  if (joint - first >= width<V, E> - 1) return upto;
+  if constexpr (std::is_same_v<V, E>) {
+    return upto;
+  } else {
+    static constexpr std::int64_t table[7] = {-1, -1, -1, -1, 0, 0, 0};
+    typename V::Bits mask;
+    std::memcpy(&mask, table + 3 - (joint - first), sizeof(mask));
+    return V(mask ? upto.v : after.v);
+  }
+}
+
+}  // namespace dynid::detail

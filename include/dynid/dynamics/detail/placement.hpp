@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "dynid/dynamics/detail/sweep.hpp"
+#include "dynid/dynamics/detail/write.hpp"
+#include "dynid/dynamics/workspace.hpp"
+
+namespace dynid::detail {
+
+// The mass and Coriolis matrices are worked out in one frame, internal frame 0, about one point, its origin:
+// the moments of what a joint carries are then plain sums over links. Rows of the workspace, each over
+// joints:
+enum Row : int {
+  row_c,
+  row_s,
+  row_x,  // axes of the link's internal frame
+  row_y = row_x + 3,
+  row_z = row_y + 3,
+  row_p = row_z + 3,        // its origin
+  row_w = row_p + 3,        // unit twist of the joint: angular
+  row_v = row_w + 3,        // and linear, of the point at the origin of frame 0
+  row_moments = row_v + 3,  // of the links from this one on: m, h (3), Sigma (xx xy yy xz yz zz)
+  row_force =
+      row_moments + 10,  // force and couple that take those links through the joint's unit acceleration
+  row_couple = row_force + 3,
+  row_free = row_couple + 3,
+};
+
+/// Row k of a workspace's scratch, three at a time.
+template <class E>
+struct Rows3 {
+  E *x, *y, *z;
+  template <class Workspace>
+  [[gnu::always_inline]] Rows3(Workspace& ws, int first)
+      : x(ws.row(first)), y(ws.row(first + 1)), z(ws.row(first + 2)) {}
+  template <class V>
+  [[gnu::always_inline]] Vector3<V> get(int at) const {
+    return {load<V>(x + at), load<V>(y + at), load<V>(z + at)};
+  }
+  template <class V>
+  [[gnu::always_inline]] void set(int at, const Vector3<V>& a) const {
+    store(x + at, a.x), store(y + at, a.y), store(z + at, a.z);
+  }
+  /// Element `at` for every lane.
+  template <class V>
+  [[gnu::always_inline]] Vector3<V> all(int at) const {
+    return {V(x[at]), V(y[at]), V(z[at])};
+  }
+};
+
+/// Axes and origins of the internal frames in internal frame 0, base to tip: rows row_x to row_p + 2.
+template <class S, int N, class Q>
+[[gnu::always_inline]] inline void place(const Model<N>& model, Workspace<N, S>& ws, const Q& q, int pass) {
+  using E = ElementOf<S>;
+  const int n = model.size();
+  E *const c = ws.row(row_c), *const s = ws.row(row_s);
+  const Rows3<E> rx(ws, row_x), ry(ws, row_y), rz(ws, row_z), rp(ws, row_p);
+  joint_rotations<S>(model, q, pass, c, s);
+  const E zero(0.0), one(1.0);
+  Vector3<E> x = {one, zero, zero}, y = {zero, one, zero}, z = {zero, zero, one}, p = {zero, zero, zero};
+  for (int i = 0; i < n; ++i) {
+    const JointFrame& f = model.frame(i);
+    p = sum(sum(sum(p, f.px, x), f.py, y), f.pz, z);
+    const Vector3<E> turned = {E(y.x * f.ca + z.x * f.sa), E(y.y * f.ca + z.y * f.sa),
+                               E(y.z * f.ca + z.z * f.sa)};
+    z = {E(z.x * f.ca - y.x * f.sa), E(z.y * f.ca - y.y * f.sa), E(z.z * f.ca - y.z * f.sa)};
+    y = {E(turned.x * c[i] - x.x * s[i]), E(turned.y * c[i] - x.y * s[i]), E(turned.z * c[i] - x.z * s[i])};
+    x = {E(x.x * c[i] + turned.x * s[i]), E(x.y * c[i] + turned.y * s[i]), E(x.z * c[i] + turned.z * s[i])};
+    if (model.has_prismatic()) p = sum(p, E(coefficient<S>(q, i, pass) * (1.0 - f.revolute)), z);
+    rx.set(i, x), ry.set(i, y), rz.set(i, z), rp.set(i, p);
+  }
+}
+
+/// Unit twists of the joints: rows row_w to row_v + 2. After place().
+template <class V, int N, class S>
+[[gnu::always_inline]] inline void place_twists(const Model<N>& model, Workspace<N, S>& ws) {
+  using E = ElementOf<S>;
+  constexpr int lanes = width<V, E>;
+  const int n = model.size();
+  const Rows3<E> rz(ws, row_z), rp(ws, row_p), rw(ws, row_w), rv(ws, row_v);
+  for (int g = 0; g * lanes < n; ++g) {
+    const int at = first_of_group<lanes>(g, n);
+    const Vector3<V> z = rz.template get<V>(at), v = cross(rp.template get<V>(at), z);
+    if (model.has_prismatic()) {
+      const V turn = load_constant<V, E>(model.revolute() + at), slide = V(1.0) - turn;
+      rw.set(at, Vector3<V>{V(z.x * turn), V(z.y * turn), V(z.z * turn)});
+      rv.set(at, Vector3<V>{V(v.x * turn + z.x * slide), V(v.y * turn + z.y * slide),
+                            V(v.z * turn + z.z * slide)});
+    } else {
+      rw.set(at, z), rv.set(at, v);
+    }
+  }
+}
+
+/// Mass, first moment and second moment about the origin of frame 0.
+template <class V>
+struct Moments {
+  V m;
+  Vector3<V> h;
+  V xx, xy, yy, xz, yz, zz;
+};
+
+/// Reduced moments of the links at `at`, placed. After place(). Without prismatic joints the mass is nil.
+template <bool prismatic, class V, int N, class S>
+[[gnu::always_inline]] inline Moments<V> placed_moments(const Model<N>& model, Workspace<N, S>& ws, int at) {
+  using E = ElementOf<S>;
+  const auto constant = [&](int k) { return load_constant<V, E>(model.reduced_row(k) + at); };
+  const Vector3<V> x = Rows3<E>(ws, row_x).template get<V>(at), y = Rows3<E>(ws, row_y).template get<V>(at),
+                   z = Rows3<E>(ws, row_z).template get<V>(at), p = Rows3<E>(ws, row_p).template get<V>(at);
+  const V hx = constant(1), hy = constant(2);
+  const V xx = constant(4), xy = constant(5), yy = constant(6), xz = constant(7), yz = constant(8);
+  Moments<V> r;
+  // R Sigma R^T = t1 x^T + t2 y^T + t3 z^T, R h; then about the origin of frame 0.
+  const auto combine = [&](const V& a, const V& b, const V& c) {
+    return Vector3<V>{V(x.x * a + y.x * b + z.x * c), V(x.y * a + y.y * b + z.y * c),
+                      V(x.z * a + y.z * b + z.z * c)};
+  };
+  const Vector3<V> t1 = combine(xx, xy, xz), t2 = combine(xy, yy, yz);
+  Vector3<V> t3, h;
+  if constexpr (prismatic) {
+    t3 = combine(xz, yz, constant(9));
+    h = combine(hx, hy, constant(3));
+    r.m = constant(0);
+    r.h = sum(h, r.m, p);
+  } else {
+    t3 = {V(x.x * xz + y.x * yz), V(x.y * xz + y.y * yz), V(x.z * xz + y.z * yz)};
+    h = {V(x.x * hx + y.x * hy), V(x.y * hx + y.y * hy), V(x.z * hx + y.z * hy)};
+    r.m = V(0.0);
+    r.h = h;
+  }
+  const auto entry = [&](const V& t1a, const V& t2a, const V& t3a, const V& xb, const V& yb, const V& zb,
+                         const V& pa, const V& pb, const V& ha,
+                         const V& hb) { return V(t1a * xb + t2a * yb + t3a * zb + pa * hb + ha * pb); };
+  r.xx = entry(t1.x, t2.x, t3.x, x.x, y.x, z.x, p.x, p.x, h.x, r.h.x);
+  r.xy = entry(t1.x, t2.x, t3.x, x.y, y.y, z.y, p.x, p.y, h.x, r.h.y);
+  r.yy = entry(t1.y, t2.y, t3.y, x.y, y.y, z.y, p.y, p.y, h.y, r.h.y);
+  r.xz = entry(t1.x, t2.x, t3.x, x.z, y.z, z.z, p.x, p.z, h.x, r.h.z);
+  r.yz = entry(t1.y, t2.y, t3.y, x.z, y.z, z.z, p.y, p.z, h.y, r.h.z);
+  r.zz = entry(t1.z, t2.z, t3.z, x.z, y.z, z.z, p.z, p.z, h.z, r.h.z);
+  return r;
+}
+
+/// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on.
+template <int N, class S>
+[[gnu::always_inline]] inline void sum_inwards(Workspace<N, S>& ws, int n, int first, int count) {
+  for (int k = first; k < first + count; ++k) {
+    ElementOf<S>* const r = ws.row(k);
+    for (int i = n - 1; i > 0; --i) r[i - 1] += r[i];
+  }
+}
+
+template <class V, int N, class S>
+[[gnu::always_inline]] inline void set_moments(Workspace<N, S>& ws, int at, const Moments<V>& k) {
+  const V values[10] = {k.m, k.h.x, k.h.y, k.h.z, k.xx, k.xy, k.yy, k.xz, k.yz, k.zz};
+  for (int i = 0; i < 10; ++i) store(ws.row(row_moments + i) + at, values[i]);
+}
+template <class V, int N, class S>
+[[gnu::always_inline]] inline Moments<V> get_moments(Workspace<N, S>& ws, int at) {
+  const auto get = [&](int i) { return load<V>(ws.row(row_moments + i) + at); };
+  return {get(0), {get(1), get(2), get(3)}, get(4), get(5), get(6), get(7), get(8), get(9)};
+}
+
+/// Force and couple of a body of moments k that accelerates from rest as the twist (w, v): I S.
+template <bool prismatic, class V>
+[[gnu::always_inline]] inline Wrench<V> inertia_times(const Moments<V>& k, const Vector3<V>& w,
+                                                      const Vector3<V>& v) {
+  Wrench<V> r;
+  r.f = cross(w, k.h);
+  if constexpr (prismatic) r.f = sum(r.f, k.m, v);
+  const V trace = k.xx + k.yy + k.zz;
+  r.n = sum(cross(k.h, v), trace, w);
+  r.n.x -= k.xx * w.x + k.xy * w.y + k.xz * w.z;
+  r.n.y -= k.xy * w.x + k.yy * w.y + k.yz * w.z;
+  r.n.z -= k.xz * w.x + k.yz * w.y + k.zz * w.z;
+  return r;
+}
+
+}  // namespace dynid::detail
