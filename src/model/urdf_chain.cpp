@@ -65,13 +65,13 @@ class Reader {
     check_tree();
     const CapturedLog log;
     try {
-      model_ = urdf::parseURDF(text);
+      model_ = urdf::parseURDF(without_looks(text));
     } catch (const std::exception& error) {
       throw Error(name + ": " + error.what());
     }
-    if (!model_ || !model_->getRoot()) {
-      throw Error(name + ": " + (log.errors().empty() ? "is not a URDF" : log.errors()));
-    }
+    // urdfdom may complain about an inertial and go on with half of it.
+    if (!log.errors().empty()) throw Error(name + ": " + log.errors());
+    if (!model_ || !model_->getRoot()) throw Error(name + ": is not a URDF");
   }
 
   UrdfChain read(const std::string& base, const std::string& tip) {
@@ -96,6 +96,19 @@ class Reader {
     const XmlElement* found = find_named(chain_.elements, tag, element);
     throw Error(name_ + (found != nullptr ? ":" + std::to_string(found->line) : "") + ": " + tag + " '" +
                 element + "': " + what);
+  }
+
+  /// The text without what a robot looks like: nothing wrong in there matters here.
+  std::string without_looks(const std::string& text) const {
+    std::string rest;
+    std::size_t kept = 0;
+    for (const XmlElement& element : chain_.elements) {
+      const bool looks = element.tag == "visual" || element.tag == "collision" || element.tag == "material";
+      if (!looks || element.begin < kept) continue;
+      rest.append(text, kept, element.begin - kept);
+      kept = element.end;
+    }
+    return rest.append(text, kept, std::string::npos);
   }
 
   /// A link that two joints carry is no error for urdfdom, and a closed ring one that names nothing.

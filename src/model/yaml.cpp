@@ -33,11 +33,10 @@ constexpr const char* header =
 class Item {
  public:
   Item(YAML::Node node, std::string path, const std::string& file)
-      : node_(std::move(node)), path_(std::move(path)), file_(&file) {}
+      : node_(std::move(node)), path_(std::move(path)), file_(&file), mark_(node_.Mark()) {}
 
   [[noreturn]] void fail(const std::string& what) const {
-    const YAML::Mark mark = node_.Mark();
-    const std::string line = mark.is_null() ? "" : ":" + std::to_string(mark.line + 1);
+    const std::string line = mark_.is_null() ? "" : ":" + std::to_string(mark_.line + 1);
     throw Error(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what);
   }
 
@@ -62,7 +61,9 @@ class Item {
     const YAML::Node child = node_[key];
     const std::string child_path = path_.empty() ? key : path_ + "." + key;
     if (!child) Item(node_, child_path, *file_).fail("missing");
-    return {child, child_path, *file_};
+    Item item(child, child_path, *file_);
+    if (child.IsNull()) item.mark_ = mark_of_key(key);  // nothing stands wherever the next thing does
+    return item;
   }
 
   std::vector<Item> list() const {
@@ -113,6 +114,13 @@ class Item {
   }
 
  private:
+  YAML::Mark mark_of_key(const char* key) const {
+    for (const auto& entry : node_) {
+      if (entry.first.Scalar() == key) return entry.first.Mark();
+    }
+    return mark_;
+  }
+
   const char* kind() const {
     switch (node_.Type()) {
       case YAML::NodeType::Map:
@@ -129,6 +137,7 @@ class Item {
   YAML::Node node_;
   std::string path_;
   const std::string* file_;
+  YAML::Mark mark_;
 };
 
 Eigen::Isometry3d read_pose(const Item& item) {
