@@ -72,9 +72,31 @@ Eigen::VectorXd ZeroPhaseButterworth::half_kernel() const {
   Eigen::VectorXd half = impulse.segment(2 * reach, reach + 1);
   Eigen::Index last = reach;
   double left_out = 0.0;
-  while (last > 1 && left_out + 2.0 * std::abs(half[last]) < 1e-6) left_out += 2.0 * std::abs(half[last--]);
+  while (last > 1 && left_out + 2.0 * std::abs(half[last]) < 1e-5) left_out += 2.0 * std::abs(half[last--]);
   half.conservativeResize(last + 1);
   return half / (2.0 * half.sum() - half[0]);
+}
+
+DecimatingFilter::DecimatingFilter(Eigen::VectorXd half_kernel, Eigen::Index factor)
+    : half_kernel_(std::move(half_kernel)), factor_(factor) {}
+
+Eigen::Index DecimatingFilter::outputs(Eigen::Index samples) const noexcept {
+  return samples <= factor_ / 2 ? 0 : (samples - 1 - factor_ / 2) / factor_ + 1;
+}
+
+Eigen::RowVectorXd DecimatingFilter::output(Eigen::Index k, const Eigen::Ref<const Eigen::MatrixXd>& x,
+                                            Eigen::Index first, Eigen::Index samples) const {
+  const Eigen::Index c = centre(k), K = reach();
+  const Eigen::Index from = std::max<Eigen::Index>(0, c - K), to = std::min(samples - 1, c + K);
+  Eigen::VectorXd weights(to - from + 1);
+  for (Eigen::Index i = from; i <= to; ++i) weights[i - from] = half_kernel_[std::abs(i - c)];
+  return (weights.transpose() / weights.sum()) * x.middleRows(from - first, to - from + 1);
+}
+
+Eigen::MatrixXd DecimatingFilter::apply(const Eigen::Ref<const Eigen::MatrixXd>& x) const {
+  Eigen::MatrixXd out(outputs(x.rows()), x.cols());
+  for (Eigen::Index k = 0; k < out.rows(); ++k) out.row(k) = output(k, x, 0, x.rows());
+  return out;
 }
 
 Eigen::MatrixXd differentiate(const Eigen::MatrixXd& x, double rate) {

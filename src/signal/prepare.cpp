@@ -281,7 +281,8 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   // The grid is fine enough for cubic interpolation between slow samples, and is thinned to about 25 x the cut-off.
   const double up = std::max(1.0, std::ceil(10.0 * out.cutoff / in.rate));
   const double fine = in.rate * up;
-  const auto stride = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(fine / (25.0 * out.cutoff))));
+  const auto stride =
+      options.thin ? std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(fine / (25.0 * out.cutoff)))) : 1;
   const double rate = fine / double(stride);
   const ZeroPhaseButterworth band(out.cutoff, fine);
   const double longest_bridge = std::max(5.0 / in.rate, 0.25 / out.cutoff);
@@ -290,7 +291,9 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   double dropped = 0.0;
   for (std::size_t first = 0; first < in.rows.size();) {
     std::size_t last = first + 1;
-    while (last < in.rows.size() && log.t[in.rows[last]] - log.t[in.rows[last - 1]] <= longest_bridge) ++last;
+    while (last < in.rows.size() &&
+           (options.bridge_gaps || log.t[in.rows[last]] - log.t[in.rows[last - 1]] <= longest_bridge))
+      ++last;
     const Eigen::Index* rows = in.rows.data() + first;
     const auto count = static_cast<Eigen::Index>(last - first);
     first = last;

@@ -15,7 +15,7 @@ class ZeroPhaseButterworth {
   /// starts in its steady state, so a constant or a slow line passes unchanged. Allocates one padded channel.
   void apply(Eigen::Ref<Eigen::MatrixXd> x) const;
 
-  /// The symmetric impulse response h_0..h_K (h_-k = h_k), cut where what is left out is below 1e-6, and scaled to a
+  /// The symmetric impulse response h_0..h_K (h_-k = h_k), cut where what is left out is below 1e-5, and scaled to a
   /// unit sum: the same filter as a finite sum, for signals too wide to be kept.
   Eigen::VectorXd half_kernel() const;
 
@@ -28,6 +28,32 @@ class ZeroPhaseButterworth {
   Section sections_[2];
   double cutoff_;
   double rate_;
+};
+
+/// The same low-pass filter followed by decimation, as a finite sum over the kernel. What it does at the ends of a signal
+/// (the kernel is cut there and scaled to a unit sum) is still one linear map, so that torque and regressor columns
+/// that pass through it keep their relation exactly.
+class DecimatingFilter {
+ public:
+  /// One output every `factor` samples. `half_kernel` as from ZeroPhaseButterworth.
+  DecimatingFilter(Eigen::VectorXd half_kernel, Eigen::Index factor);
+
+  /// Outputs for N input samples.
+  Eigen::Index outputs(Eigen::Index samples) const noexcept;
+  /// Input sample that output k stands on.
+  Eigen::Index centre(Eigen::Index k) const noexcept { return factor_ / 2 + k * factor_; }
+  /// K: output k depends on the samples centre(k) - K .. centre(k) + K.
+  Eigen::Index reach() const noexcept { return half_kernel_.size() - 1; }
+  /// Output k of each column of `x`, which holds the samples `first` .. `first + x.rows() - 1` of a signal of `samples`
+  /// and must cover what output k depends on.
+  Eigen::RowVectorXd output(Eigen::Index k, const Eigen::Ref<const Eigen::MatrixXd>& x, Eigen::Index first,
+                            Eigen::Index samples) const;
+  /// All outputs of the whole signal `x` (samples x channels).
+  Eigen::MatrixXd apply(const Eigen::Ref<const Eigen::MatrixXd>& x) const;
+
+ private:
+  Eigen::VectorXd half_kernel_;
+  Eigen::Index factor_;
 };
 
 /// Central differences of each column (one-sided of order 2 at the ends); `rate` [Hz]. Throws Error below 3 samples.

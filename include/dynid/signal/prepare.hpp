@@ -37,6 +37,8 @@ struct PrepareOptions {
   double cutoff = 0.0;  ///< [Hz] of the zero-phase Butterworth filter; 0: chosen by choose_cutoff()
   MotionSource source = MotionSource::automatic;
   bool mend_velocity_lag = true;  ///< shift dq back by the lag found between it and the derivative of q
+  bool bridge_gaps = false;       ///< interpolate across gaps of any length: one segment
+  bool thin = true;               ///< keep about 25 times the cut-off; false: the log's own rate or more
 };
 
 /// A stretch of the log without gaps, on a uniform grid.
