@@ -255,6 +255,14 @@ void put_child(Edits& edits, const std::string& text, const std::vector<XmlEleme
   edits.replace(slash, parent.open_end, ">" + inner + child(inner) + outer + "</" + parent.tag + ">");
 }
 
+/// urdfdom and expat may read an odd name (white space, an old encoding) differently.
+const XmlElement& element_of(const UrdfChain& chain, const char* tag, const std::string& name) {
+  const XmlElement* found = detail::find_named(chain.elements, tag, name);
+  if (found == nullptr)
+    throw Error(std::string(tag) + " '" + name + "' was not found in the text of the URDF");
+  return *found;
+}
+
 void check_same_joint(const Joint& ours, const Joint& theirs, const std::string& name, int k) {
   const std::string joint = name + ": joint " + std::to_string(k + 1) + " ('" + ours.name + "')";
   if (ours.name != theirs.name) throw Error(joint + ": is '" + theirs.name + "' in the URDF");
@@ -270,7 +278,7 @@ void check_same_joint(const Joint& ours, const Joint& theirs, const std::string&
 
 void update_joint(Edits& edits, const std::string& text, const UrdfChain& chain, const UrdfJoint& target,
                   const Joint& joint) {
-  const XmlElement& link_element = *detail::find_named(chain.elements, "link", target.link->name);
+  const XmlElement& link_element = element_of(chain, "link", target.link->name);
   const StandardParameters own = joint.parameters - target.lumped;
   if (target.link->inertial || !(own.array() == 0.0).all()) {
     put_child(edits, text, chain.elements, link_element, "inertial",
@@ -278,7 +286,7 @@ void update_joint(Edits& edits, const std::string& text, const UrdfChain& chain,
   }
   const LinearFriction& friction = joint.friction.linear;
   if (!target.joint->dynamics && friction.viscous == 0.0 && friction.coulomb == 0.0) return;
-  const XmlElement& joint_element = *detail::find_named(chain.elements, "joint", joint.name);
+  const XmlElement& joint_element = element_of(chain, "joint", joint.name);
   std::string others;
   if (const XmlElement* old = child_of(chain.elements, joint_element, "dynamics")) {
     for (const auto& [key, value] : old->attributes) {

@@ -133,10 +133,11 @@ class Reader {
       }
     }
     for (const auto& entry : up) {
-      std::size_t steps = 0;
-      for (auto at = up.find(entry.first); at != up.end(); at = up.find(at->second.second)) {
-        if (++steps > up.size()) fail("joint", entry.second.first, "is part of a loop");
-      }
+      auto at = up.find(entry.first);
+      // After as many steps as there are joints only a ring is left to walk in.
+      for (std::size_t steps = 0; steps < up.size() && at != up.end(); ++steps)
+        at = up.find(at->second.second);
+      if (at != up.end()) fail("joint", at->second.first, "is part of a loop");
     }
   }
 

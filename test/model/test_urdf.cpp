@@ -305,6 +305,7 @@ TEST(Urdf, BadFilesAreNamed) {
       {"<limit effort=\"0\" velocity=\"0\"/>", "<mimic joint=\"shoulder\"/>",
        "f:24: joint 'elbow': mimics joint 'shoulder': a coupled joint cannot be part of a serial chain"},
       {"<parent link=\"world\"/>", "<parent link=\"flange\"/>", "f:6: joint 'mount': is part of a loop"},
+      {"<parent link=\"lower\"/>", "<parent link=\"flange\"/>", "f:31: joint 'end': is part of a loop"},
       {"<child link=\"flange\"/>", "<child link=\"upper\"/>",
        "f:31: joint 'end': link 'upper' hangs from joint 'shoulder' already: a loop, not a tree"},
       {"lower=\"-1\"", "lower=\"3\"",
