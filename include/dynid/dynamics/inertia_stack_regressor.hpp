@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "dynid/dynamics/detail/placement.hpp"
 #include "dynid/dynamics/regressor.hpp"
 
 namespace dynid {

@@ -18,11 +18,12 @@ template <class T>
 
 #if defined(__GNUC__)
 
-/// Sine and cosine of each lane [rad], within 2 ulp; any input (an angle beyond `sincos_range`, an infinity
+/// Sine and cosine of each lane [rad], within 1 ulp; any input (an angle beyond `sincos_range`, an infinity
 /// or a NaN goes to the standard library, lane by lane).
 ///
 /// x = k pi/2 + r with pi/2 in three parts of 33, 33 and 53 bits (Cody and Waite), so that k times each of
-/// the first two is exact; then the minimax polynomials of Sun's fdlibm on |r| <= pi/4.
+/// the first two is exact and r is known beyond double precision; then fdlibm's minimax polynomials on |r| <=
+/// pi/4.
 inline constexpr double sincos_range = 1e5;
 
 [[gnu::noinline, gnu::cold]] inline void sincos_any(const double* x, double* s, double* c) {
@@ -38,18 +39,21 @@ inline constexpr double sincos_range = 1e5;
   const Vector shifted = x * 0x1.45f306dc9c883p-1 + round_to_integer;
   const Vector k = shifted - round_to_integer;
   const Bits quadrant = (Bits)shifted;
-  const Vector r = ((x - k * 0x1.921fb544p+0) - k * 0x1.0b4611a6p-34) - k * 0x1.3198a2e037073p-69;
+  const Vector r1 = x - k * 0x1.921fb544p+0, r = r1 - k * 0x1.0b4611a6p-34;
+  const Vector tail =
+      ((r1 - r) - k * 0x1.0b4611a6p-34) - k * 0x1.3198a2e037073p-69;  // what rounding took from r
 
   const Vector z = r * r, w = z * z;
   const Vector sin_high = -1.98412698298579493134e-04 + z * 2.75573137070700676789e-06 +
                           w * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10);
-  const Vector sin_r =
-      r + z * r * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * sin_high));
-  const Vector cos_tail = z * (4.16666666666666019037e-02 + z * -1.38888888888741095749e-03 +
-                               w * (2.48015872894767294178e-05 + z * -2.75573143513906633035e-07 +
-                                    w * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)));
+  const Vector cos_low = z * (4.16666666666666019037e-02 + z * -1.38888888888741095749e-03 +
+                              w * (2.48015872894767294178e-05 + z * -2.75573143513906633035e-07 +
+                                   w * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)));
   const Vector half = 0.5 * z, one_less = 1.0 - half;
-  const Vector cos_r = one_less + (((1.0 - one_less) - half) + z * cos_tail);
+  const Vector sin_r =
+      r + (z * r * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * sin_high)) +
+           tail * one_less);
+  const Vector cos_r = one_less + (((1.0 - one_less) - half) + (z * cos_low - r * tail));
 
   const Bits swap = -(quadrant & 1);
   const Bits sin_bits = (Bits)sin_r, cos_bits = (Bits)cos_r;
