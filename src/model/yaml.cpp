@@ -156,9 +156,13 @@ Eigen::Isometry3d read_pose(const Item& item) {
 
 Eigen::Matrix3d read_tensor(const Item& item) {
   item.expect_keys({"xx", "xy", "xz", "yy", "yz", "zz"});
-  const auto value = [&](const char* key) { return item.at(key).number(); };
-  Eigen::Matrix3d J;
-  J << value("xx"), value("xy"), value("xz"), 0, value("yy"), value("yz"), 0, 0, value("zz");
+  Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
+  J(0, 0) = item.at("xx").number();
+  J(0, 1) = item.at("xy").number();
+  J(0, 2) = item.at("xz").number();
+  J(1, 1) = item.at("yy").number();
+  J(1, 2) = item.at("yz").number();
+  J(2, 2) = item.at("zz").number();
   return J.selfadjointView<Eigen::Upper>();
 }
 
