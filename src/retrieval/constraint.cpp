@@ -56,13 +56,13 @@ double Constraint::margin(const Eigen::VectorXd& p) const {
 }
 
 Constraint make_constraint(const std::string& name, Inequality h) {
-  return {name, {{{}, {std::move(h)}}}, {}};
+  return {name, {{{}, {std::move(h)}}}, {}, true};
 }
 
 Constraint make_conditional(const std::string& name, Inequality condition, const Constraint& then,
                             const Constraint& otherwise) {
   const Inequality opposite = negated(condition);
-  Constraint both{name, {}, {}};
+  Constraint both{name, {}, {}, true};
   for (const Alternative& alternative : then.alternatives) {
     both.alternatives.push_back(alternative);
     both.alternatives.back().guards.push_back(condition);
@@ -76,7 +76,7 @@ Constraint make_conditional(const std::string& name, Inequality condition, const
 }
 
 Constraint all_of(const std::string& name, const std::vector<Constraint>& parts) {
-  Constraint all{name, {{}}, {}};
+  Constraint all{name, {{}}, {}, true};
   for (const Constraint& part : parts) {
     std::vector<Alternative> product;
     for (const Alternative& before : all.alternatives) {
@@ -92,7 +92,7 @@ Constraint all_of(const std::string& name, const std::vector<Constraint>& parts)
 }
 
 Constraint any_of(const std::string& name, const std::vector<Constraint>& parts) {
-  Constraint any{name, {}, {}};
+  Constraint any{name, {}, {}, true};
   for (const Constraint& part : parts)
     any.alternatives.insert(any.alternatives.end(), part.alternatives.begin(), part.alternatives.end());
   return any;

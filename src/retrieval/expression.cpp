@@ -184,7 +184,7 @@ Constraint make_expression(const std::string& name, const std::string& expressio
     Constraint whole = make_constraint(name, inequality(expression, links));
     std::vector<Piece> pieces;
     if (expression.find('?') == std::string::npos || !cut(expression, pieces)) return whole;
-    Constraint constraint{name, {}, {}};
+    Constraint constraint{name, {}, {}, true};
     for (const Piece& piece : pieces) {
       Alternative alternative;
       for (const std::string& guard : piece.guards) alternative.guards.push_back(inequality(guard, links));

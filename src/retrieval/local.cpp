@@ -197,6 +197,7 @@ class Nlp : public Ipopt::TNLP {
       if (!std::isfinite(distance)) return false;
       f += task_.scale * task_.prior_weight * distance;
     }
+    if (task_.pull > 0.0) f += task_.scale * task_.pull * (all.head(n_) - task_.towards).squaredNorm();
     return std::isfinite(f);
   }
 
@@ -210,6 +211,7 @@ class Nlp : public Ipopt::TNLP {
       if (!std::isfinite(prior_distance(prepared_, all.head(n_), &of_prior))) return false;
       g.head(n_) += task_.prior_weight * of_prior;
     }
+    if (task_.pull > 0.0) g.head(n_) += 2.0 * task_.pull * (all.head(n_) - task_.towards);
     g *= task_.scale;
     return g.allFinite();
   }
@@ -310,6 +312,7 @@ class Nlp : public Ipopt::TNLP {
       if (!std::isfinite(prior_distance(prepared_, all.head(n_), nullptr, &of_prior))) return false;
       H += task_.prior_weight * of_prior;
     }
+    H.diagonal().array() += 2.0 * task_.pull;
     H *= task_.scale * factor;
     Number* slack_block = values + n_ * (n_ + 1) / 2;
     const Number* multiplier = lambda + linear_.size();
@@ -475,7 +478,7 @@ class Nlp : public Ipopt::TNLP {
     std::sort(row.links.begin(), row.links.end());
     row.links.erase(std::unique(row.links.begin(), row.links.end()), row.links.end());
     const double steepness = scaled_gradient(row, start).norm();
-    if (std::isfinite(steepness) && steepness > 0.0) row.scale = std::clamp(1.0 / steepness, 1e-4, 1e4);
+    if (std::isfinite(steepness) && steepness > 0.0) row.scale = std::clamp(1.0 / steepness, 1e-4, 10.0);
     for (const int i : row.links)
       for (int j = 0; j < 10; ++j) mark(10 * i + j);
     if (slack >= 0) mark(slack);
@@ -565,6 +568,8 @@ LocalSolution solve_local(const Prepared& prepared, const Eigen::VectorXd& p, co
   options->SetNumericValue("acceptable_constr_viol_tol", 1e-9);
   options->SetStringValue("mu_strategy", "monotone");
   options->SetIntegerValue("max_iter", 300);
+  // A user's constraint may have a kink (a norm on its axis) that the barrier draws the iterates to.
+  if (!prepared.bounds().constraints.empty()) options->SetNumericValue("barrier_tol_factor", 30.0);
   LocalSolution solution;
   solution.p = p;
   if (ipopt->Initialize("") != Ipopt::Solve_Succeeded) return solution;
@@ -582,7 +587,7 @@ LocalSolution solve_local(const Prepared& prepared, const Eigen::VectorXd& p, co
 
 double prior_distance(const Prepared& prepared, const Eigen::VectorXd& x, Eigen::VectorXd* gradient,
                       Eigen::MatrixXd* hessian) {
-  const Prior& prior = *prepared.problem().prior;
+  const Prior& prior = prepared.reference();
   const Eigen::VectorXd x0 = prepared.to_x(stack(prior.links));
   if (gradient) *gradient = Eigen::VectorXd::Zero(x.size());
   if (hessian) *hessian = Eigen::MatrixXd::Zero(x.size(), x.size());

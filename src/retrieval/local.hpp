@@ -17,7 +17,9 @@ struct LocalTask {
   double xi = 0.0;
   std::vector<int> alternatives;  ///< which one of each constraint
   double scale = 1.0;             ///< phi is multiplied by it, to be of order one
-  double prior_weight = 0.0;      ///< of the prior's distance, added to phi
+  double prior_weight = 0.0;      ///< of the distance from Prepared::reference(), added to phi
+  double pull = 0.0;              ///< of |x - towards|^2, added to phi
+  Eigen::VectorXd towards;        ///< in x of Prepared
   const std::atomic<bool>* stop = nullptr;
 };
 
@@ -33,7 +35,7 @@ struct LocalSolution {
 /// of its Cholesky factor, which are smooth and concave where the largest eigenvalue is not smooth.
 LocalSolution solve_local(const Prepared& prepared, const Eigen::VectorXd& p, const LocalTask& task);
 
-/// D(pi(p), prior), with its gradient and Hessian in x where asked.
+/// Distance of `x` from Prepared::reference(), with its gradient and Hessian in x where asked.
 double prior_distance(const Prepared& prepared, const Eigen::VectorXd& x, Eigen::VectorXd* gradient = nullptr,
                       Eigen::MatrixXd* hessian = nullptr);
 

@@ -56,6 +56,10 @@ double triangle_margin(const Eigen::VectorXd& p, int i) {
 }
 
 Prepared::Prepared(const RetrievalProblem& problem) : problem_(problem) {
+  auto& constraints = problem_.bounds.constraints;
+  constraints.erase(std::remove_if(constraints.begin(), constraints.end(),
+                                   [](const Constraint& constraint) { return !constraint.enforced; }),
+                    constraints.end());
   const Bounds& bounds = problem_.bounds;
   const int n = links();
   units_.resize(static_cast<std::size_t>(n));
@@ -82,6 +86,22 @@ Prepared::Prepared(const RetrievalProblem& problem) : problem_(problem) {
   b_ = problem_.objective.weighted_rhs();
   AtA_ = A_.transpose() * A_;
   find_interior();
+  reference_ = problem_.prior ? *problem_.prior : uniform_solids();
+}
+
+Prior Prepared::uniform_solids() const {
+  const Bounds& bounds = problem_.bounds;
+  Prior prior;
+  for (int i = 0; i < size(); i += 10) {
+    LinkInertia link;
+    link.mass = interior_ ? (*interior_)[i] : 0.5 * (bounds.lower[i] + bounds.upper[i]);
+    link.com = 0.5 * (bounds.lower + bounds.upper).segment<3>(i + 1);
+    const Eigen::Vector3d half = 0.5 * (bounds.upper - bounds.lower).segment<3>(i + 1);
+    const Eigen::Vector3d second = link.mass / 3.0 * half.cwiseMax(1e-3).cwiseAbs2();
+    link.inertia = (Eigen::Vector3d::Constant(second.sum()) - second).asDiagonal();
+    prior.links.push_back(link);
+  }
+  return prior;
 }
 
 void Prepared::find_interior() {

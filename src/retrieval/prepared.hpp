@@ -33,6 +33,10 @@ class Prepared {
   /// A point strictly inside eqs. (11), (16), (30) and the bounds, where one is known.
   const std::optional<Eigen::VectorXd>& interior() const noexcept { return interior_; }
 
+  /// What picks among equals: the prior given or, without one, a uniform solid that fills the box of each
+  /// link's centre of mass.
+  const Prior& reference() const noexcept { return reference_; }
+
   /// Units and origin in which link i's unknowns are of order one: its largest mass, the size and the centre
   /// of the box of its centre of mass.
   struct Units {
@@ -56,6 +60,7 @@ class Prepared {
 
  private:
   void find_interior();
+  Prior uniform_solids() const;
 
   RetrievalProblem problem_;
   std::vector<Units> units_;
@@ -63,6 +68,7 @@ class Prepared {
   Eigen::MatrixXd A_, AtA_;
   Eigen::VectorXd b_;
   std::optional<Eigen::VectorXd> interior_;
+  Prior reference_;
 };
 
 /// tr(I)/2 - lambda_max(I) of link i of p, eq. (16).

@@ -25,6 +25,8 @@ using detail::Prepared;
 /// Runs are made in waves of this many where they may end early: the same whatever the threads and ranks.
 constexpr int wave = 8;
 constexpr double agreement = 1e-4;
+/// A solution whose objective is larger by this part is as good: see RetrievalRun::nearest.
+constexpr double as_good = 3e-4;
 
 /// Seed of run `index`: a splitmix64 step, so that runs do not depend on one another.
 std::uint64_t run_seed(std::uint64_t seed, int index) {
@@ -45,7 +47,13 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 /// Below this the objective is zero for every purpose.
 double floor_of(const Prepared& prepared) {
-  return 1e-14 * (prepared.b().squaredNorm() + prepared.problem().objective.constant()) + 1e-30;
+  return 1e-18 * (prepared.b().squaredNorm() + prepared.problem().objective.constant()) + 1e-30;
+}
+
+/// What to scale by where something small beside phi = `value` is added to it: phi itself, unless it is zero:
+/// what is added then moves it by second order only.
+double level_of(const Prepared& prepared, double value) {
+  return value > floor_of(prepared) ? value : 1e11 * floor_of(prepared);
 }
 
 /// A feasible point as close to `p` as rounding allows, or `p` itself where there is none near.
@@ -85,10 +93,12 @@ class Run {
 
   RetrievalRun operator()() {
     const auto start = std::chrono::steady_clock::now();
-    Eigen::VectorXd p = random_start();
+    const Eigen::VectorXd origin = random_start();
+    Eigen::VectorXd p = origin;
     for (int k = 1; k <= options_.steps && !stopped(options_); ++k) p = step(p, k);
     finish(p);
-    run_.p = found_ ? feasible_ : p;
+    run_.p = run_.nearest = found_ ? feasible_ : p;
+    if (found_) run_.nearest = nearest(origin);
     run_.weighted = prepared_.phi(run_.p);
     run_.objective = prepared_.problem().objective.value(standard_parameters(run_.p));
     run_.feasible = found_;
@@ -127,15 +137,17 @@ class Run {
     const double was = prepared_.f(p, xi);
     if (after < was) p = solution.p;
     keep(p);
-    settled_ = xi > 0.0 && solution.converged && found_ && std::abs(was - std::min(was, after)) <= 1e-6 * was;
+    // Once the penalty is exact and the objective was of the scale that Ipopt was told, it is solved.
+    settled_ = xi > 0.0 && solution.converged && found_ && value_ <= after * (1.0 + 1e-6) + floor_ &&
+               (after >= 0.5 * was || after <= floor_);
     return p;
   }
 
   /// Hard constraints, with a margin, from `p`; then the other alternatives of conditional constraints.
   void finish(const Eigen::VectorXd& p) {
     const std::vector<Constraint>& constraints = prepared_.bounds().constraints;
-    std::vector<int> alternatives = prepared_.alternatives(p);
-    polish(p, alternatives);
+    std::vector<int> alternatives = prepared_.alternatives(found_ ? feasible_ : p);
+    if (!settled_) polish(p, alternatives);
     if (!found_ && !stopped(options_)) {
       // The printed penalties may be light beside the objective: a heavy one finds the feasible set first.
       LocalTask heavy;
@@ -173,9 +185,24 @@ class Run {
       const LocalSolution solution = detail::solve_local(prepared_, p, task);
       keep(solution.p);
       const double after = prepared_.phi(solution.p);
-      if (!(after < before * 0.5) && solution.converged) break;  // the scale was right
+      if (after <= floor_ || (!(after < before * 0.5) && solution.converged)) break;  // the scale was right
       p = solution.p;
     }
+  }
+
+  /// As good a solution as the one found, as close to the random start as that lets it be.
+  Eigen::VectorXd nearest(const Eigen::VectorXd& origin) {
+    LocalTask task;
+    task.hard = true;
+    task.alternatives = prepared_.alternatives(feasible_);
+    task.towards = prepared_.to_x(origin);
+    task.scale = 1.0 / level_of(prepared_, value_);
+    // The objective cannot grow by more than this part of itself.
+    task.pull = as_good / task.scale / (prepared_.to_x(feasible_) - task.towards).squaredNorm();
+    task.stop = options_.stop;
+    const Eigen::VectorXd p = repaired(prepared_, detail::solve_local(prepared_, feasible_, task).p);
+    const bool good = prepared_.phi(p) <= (1.0 + 2.0 * as_good) * value_ + 100.0 * floor_;
+    return good && prepared_.smallest_margin(p) >= 0.0 ? p : feasible_;
   }
 
   void keep(const Eigen::VectorXd& p) {
@@ -211,6 +238,24 @@ bool agree(const std::vector<RetrievalRun>& runs, int needed, double floor) {
     return run.feasible && run.weighted <= best * (1.0 + agreement) + floor;
   });
   return close >= needed;
+}
+
+/// Without a prior: moves the best set towards uniform solids, which the data and the bounds leave no other
+/// choice to pick, as far as phi does not notice.
+void apply_reference(const Prepared& prepared, const RetrievalOptions& options, RetrievalResult& result) {
+  const double best = prepared.phi(result.p), floor = floor_of(prepared);
+  const double distance = detail::prior_distance(prepared, prepared.to_x(result.p));
+  if (!std::isfinite(distance) || !(distance > 0.0)) return;
+  LocalTask task;
+  task.hard = true;
+  task.alternatives = prepared.alternatives(result.p);
+  // The distance cannot fall by more than itself, so phi cannot grow by more than this part of itself.
+  task.prior_weight = 0.5 * as_good * level_of(prepared, best) / distance;
+  task.scale = 1.0 / level_of(prepared, best);
+  task.stop = options.stop;
+  const Eigen::VectorXd p = repaired(prepared, detail::solve_local(prepared, result.p, task).p);
+  if (prepared.smallest_margin(p) >= 0.0 && prepared.phi(p) <= best * (1.0 + as_good) + 100.0 * floor)
+    result.p = p;
 }
 
 /// Moves the best set towards the prior, among those whose objective is as good; see Prior::tolerance.
@@ -261,6 +306,7 @@ RetrievalResult retrieve(const RetrievalProblem& problem, const RetrievalOptions
   }
   fallback.index = options.runs;
   fallback.weighted = prepared.phi(fallback.p);
+  fallback.nearest = fallback.p;
   RetrievalRun partial = fallback;
 
   std::mutex mutex;
@@ -301,15 +347,20 @@ RetrievalResult retrieve(const RetrievalProblem& problem, const RetrievalOptions
   result.p = chosen.p;
   result.spread = Eigen::VectorXd::Zero(prepared.size());
   if (best != result.runs.end() && best->feasible) {
-    Eigen::VectorXd low = best->p, high = best->p;
+    Eigen::VectorXd low = best->nearest, high = best->nearest;
     for (const RetrievalRun& run : result.runs) {
       if (!run.feasible || run.weighted > 1.01 * best->weighted + floor_of(prepared)) continue;
-      low = low.cwiseMin(run.p);
-      high = high.cwiseMax(run.p);
+      low = low.cwiseMin(run.nearest);
+      high = high.cwiseMax(run.nearest);
     }
     result.spread = 0.5 * (high - low);
   }
-  if (problem.prior && chosen.feasible && !result.interrupted) apply_prior(prepared, options, result);
+  if (chosen.feasible && !result.interrupted) {
+    if (problem.prior)
+      apply_prior(prepared, options, result);
+    else
+      apply_reference(prepared, options, result);
+  }
   const Eigen::VectorXd pi = standard_parameters(result.p);
   result.links = unstack(result.p);
   result.linear_unknowns = problem.objective.linear_unknowns(pi);

@@ -37,6 +37,7 @@ struct Constraint {
   std::vector<Alternative> alternatives;
   /// Where given, the margin itself; the alternatives then only describe its smooth pieces.
   std::function<double(const Eigen::VectorXd& p)> exact;
+  bool enforced = true;  ///< false: its margin is reported, nothing more
 
   /// max over the alternatives that apply of the smallest requirement: >= 0 where satisfied; -infinity where
   /// none applies or a value is not finite. The exterior penalty of eq. (32) is -min(0, margin).

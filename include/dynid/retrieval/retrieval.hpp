@@ -85,6 +85,8 @@ struct RetrievalRun {
   bool feasible = false;   ///< every margin >= 0
   double seconds = 0.0;
   Eigen::VectorXd p;  ///< its solution, 10 n
+  /// As good a solution (phi within 6e-4 of itself), as close to the run's random start as that lets it be.
+  Eigen::VectorXd nearest;
 };
 
 /// The solution at one weight of the prior: minimises phi + weight * distance.
@@ -109,8 +111,8 @@ struct RetrievalResult : RetrievalReport {
   bool feasible = false;
   double total_mass = 0.0;                    ///< [kg]
   std::vector<ConstraintMargin> constraints;  ///< eqs. (11), (16), bounds, eq. (30), the user's
-  /// Half the range of each parameter over the feasible runs within 1 % of the best objective: what the data
-  /// leaves free. 10 n; zero where one run stands alone.
+  /// Half the range of each parameter over RetrievalRun::nearest of the feasible runs within 1 % of the best
+  /// objective: what the data leaves free. 10 n; zero where one run stands alone.
   Eigen::VectorXd spread;
   std::vector<PriorTradeOff> trade_off;  ///< empty without a prior
   double prior_distance = 0.0;
