@@ -17,9 +17,10 @@ namespace {
 
 void check(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference) {
   if (dq.size() != difference.size())
-    throw Error("friction fit: " + std::to_string(dq.size()) + " velocities for " + std::to_string(difference.size()) +
-                " torques");
-  if (dq.size() < 3) throw Error("friction fit: " + std::to_string(dq.size()) + " samples, at least 3 are needed");
+    throw Error("friction fit: " + std::to_string(dq.size()) + " velocities for " +
+                std::to_string(difference.size()) + " torques");
+  if (dq.size() < 3)
+    throw Error("friction fit: " + std::to_string(dq.size()) + " samples, at least 3 are needed");
   if (!dq.allFinite() || !difference.allFinite()) throw Error("friction fit: a sample is not finite");
 }
 
@@ -88,7 +89,8 @@ FrictionFit refine(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
       H.diagonal() += damping * (JtJ.diagonal().array() + 1e-12 * JtJ.diagonal().maxCoeff()).matrix();
       const Eigen::Vector3d step = H.ldlt().solve(Jte);
       JointFriction trial = fit.friction;
-      trial.sigmoid = {trial.sigmoid.phi1 + step[0], trial.sigmoid.phi2 + step[1], trial.sigmoid.phi3 + step[2]};
+      trial.sigmoid = {trial.sigmoid.phi1 + step[0], trial.sigmoid.phi2 + step[1],
+                       trial.sigmoid.phi3 + step[2]};
       const double sum = step.allFinite() ? sum_squares(trial, dq, difference) : fit.sum_squares;
       ++fit.evaluations;
       if (sum < fit.sum_squares) {
@@ -117,7 +119,8 @@ Eigen::VectorXd rows_of(const Eigen::VectorXd& x, int fold, int folds, bool held
 
 }  // namespace
 
-FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference, double velocity_scale) {
+FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
+                                double velocity_scale) {
   check(dq, difference);
   FrictionFit fit;
   fit.friction.linear.velocity_scale = velocity_scale;
@@ -125,7 +128,8 @@ FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd
   for (Eigen::Index i = 0; i < dq.size(); ++i) A.row(i) = friction_regressor(fit.friction.linear, dq[i]);
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A);
   if (qr.rank() < 3)
-    throw Error("friction fit: these velocities do not tell viscous friction, Coulomb friction and offset apart");
+    throw Error(
+        "friction fit: these velocities do not tell viscous friction, Coulomb friction and offset apart");
   const Eigen::Vector3d x = qr.solve(difference);
   fit.friction.linear.viscous = x[0];
   fit.friction.linear.coulomb = x[1];
@@ -147,9 +151,9 @@ FrictionFit fit_sigmoid_friction_nelder_mead(const Eigen::VectorXd& dq, const Ei
   };
   using Cost = decltype(cost);
   nlopt::opt search(nlopt::LN_NELDERMEAD, 3);
-  search.set_min_objective(
-      [](const std::vector<double>& x, std::vector<double>&, void* data) { return (*static_cast<Cost*>(data))(x); },
-      const_cast<void*>(static_cast<const void*>(&cost)));
+  search.set_min_objective([](const std::vector<double>& x, std::vector<double>&,
+                              void* data) { return (*static_cast<Cost*>(data))(x); },
+                           const_cast<void*>(static_cast<const void*>(&cost)));
   search.set_xtol_rel(1e-10);
   search.set_maxeval(4000);
   std::vector<double> x = {start.phi1, start.phi2, start.phi3};
@@ -170,8 +174,8 @@ FrictionFit fit_sigmoid_friction(const Eigen::VectorXd& dq, const Eigen::VectorX
   struct Cell {
     double energy, phi1, phi2, phi3;
   };
-  // From nearly straight over the velocities seen (phi2 fastest = 0.3) to a step between two of them, and with the
-  // middle of the curve anywhere among them.
+  // From nearly straight over the velocities seen (phi2 fastest = 0.3) to a step between two of them, and
+  // with the middle of the curve anywhere among them.
   std::vector<Cell> cells;
   constexpr int slopes = 28, shifts = 25;
   for (int a = 0; a < slopes; ++a) {
@@ -204,12 +208,13 @@ FrictionChoice choose_friction_law(const Eigen::VectorXd& dq, const Eigen::Vecto
                                    double velocity_scale, int folds) {
   check(dq, difference);
   if (folds < 2 || dq.size() < 4 * folds)
-    throw Error("friction fit: " + std::to_string(dq.size()) + " samples are too few for " + std::to_string(folds) +
-                " held-out blocks");
+    throw Error("friction fit: " + std::to_string(dq.size()) + " samples are too few for " +
+                std::to_string(folds) + " held-out blocks");
   FrictionChoice choice;
   for (int fold = 0; fold < folds; ++fold) {
     const Eigen::VectorXd v = rows_of(dq, fold, folds, false), d = rows_of(difference, fold, folds, false);
-    const Eigen::VectorXd v_out = rows_of(dq, fold, folds, true), d_out = rows_of(difference, fold, folds, true);
+    const Eigen::VectorXd v_out = rows_of(dq, fold, folds, true),
+                          d_out = rows_of(difference, fold, folds, true);
     choice.none += d_out.squaredNorm();
     choice.linear += sum_squares(fit_linear_friction(v, d, velocity_scale).friction, v_out, d_out);
     choice.sigmoid += sum_squares(fit_sigmoid_friction(v, d).friction, v_out, d_out);

@@ -49,8 +49,9 @@ std::string in_words(const Eigen::RowVectorXd& row, int joints) {
     const bool rotor = k >= 10 * joints;
     terms.push_back({rotor ? 10 : k % 10, rotor ? k - 10 * joints : k / 10, k});
   }
-  std::sort(terms.begin(), terms.end(),
-            [](const Term& a, const Term& b) { return a.kind != b.kind ? a.kind < b.kind : a.link < b.link; });
+  std::sort(terms.begin(), terms.end(), [](const Term& a, const Term& b) {
+    return a.kind != b.kind ? a.kind < b.kind : a.link < b.link;
+  });
   std::string text;
   for (const Term& term : terms) {
     const double factor = row[term.index];
@@ -86,7 +87,8 @@ BaseParameters base_parameters(const Robot& robot, bool rotor_inertia) {
   BaseParameters base;
   base.standard = 10 * n;
   base.rotor_inertia = rotor_inertia;
-  // Gram-Schmidt, left to right, each column orthogonalised twice: the remainder of a dependent column is rounding.
+  // Gram-Schmidt, left to right, each column orthogonalised twice: the remainder of a dependent column is
+  // rounding.
   Eigen::MatrixXd Q(P, 0);
   const double scale = R.colwise().norm().maxCoeff();
   for (int k = 0; k < P; ++k) {

@@ -4,7 +4,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <nlopt.hpp>
 #include <numeric>
+#include <utility>
 
 #include "dynid/error.hpp"
 #include "dynid/friction/fit.hpp"
@@ -17,62 +20,43 @@ namespace {
 
 std::string tag(const char* symbol, int joint) { return symbol + std::to_string(joint + 1); }
 
-/// Which law each joint has; for a sigmoid joint, the current phi (phi1 scales the derivatives).
-struct Laws {
-  std::vector<FrictionLaw> law;
-  std::vector<SigmoidFriction> phi;
-};
-
-/// Columns of the whole problem: rigid body first, then friction joint by joint.
-struct Layout {
-  int rigid = 0;
-  int columns = 0;
-  std::vector<int> first, count;  // of each joint's friction columns
-};
-
-int friction_columns(FrictionLaw law, bool with_phi) {
-  switch (law) {
-    case FrictionLaw::none:
-      return 0;
-    case FrictionLaw::linear:
-      return 3;
-    case FrictionLaw::sigmoid:
-      return with_phi ? 5 : 3;
-  }
-  return 0;
-}
-
-Layout layout_of(const Laws& laws, int rigid, bool with_phi) {
-  Layout layout;
-  layout.rigid = layout.columns = rigid;
-  for (FrictionLaw law : laws.law) {
-    layout.first.push_back(layout.columns);
-    layout.count.push_back(friction_columns(law, with_phi));
-    layout.columns += layout.count.back();
-  }
-  return layout;
-}
-
 /// Square roots of row weights, N x n, one a log; 0 leaves a row out.
 using RowWeights = std::vector<Eigen::MatrixXd>;
 
+/// Eq. (25) with viscous term and offset on one joint, the rigid body being given: fv dq + fo + phi(dq).
+struct SigmoidJoint {
+  JointFriction friction;
+  Eigen::Matrix<double, 5, 5> covariance;  ///< of fv, fo, phi1, phi2, phi3
+};
+
+/// Least squares with eq. (24) or no friction; then, on some joints, eq. (25) instead.
 struct Fit {
-  Laws laws;
-  Layout layout;
-  std::vector<RowGroup> groups;  // one a joint
+  std::vector<RowGroup> groups;  // one a joint, all columns
   std::vector<double> weights;   // one a joint
   TriangularFactor unweighted;
-  Eigen::VectorXd x;
+  Eigen::VectorXd x;  // rigid body, then friction joint by joint; 0 where dropped
   std::vector<int> kept;
   Eigen::MatrixXd covariance;  // of the kept
+  Eigen::VectorXd noise, correlation;
+  std::vector<std::optional<SigmoidJoint>> sigmoid;
 };
 
 class Problem {
  public:
-  Problem(const BaseParameters& base, std::vector<RegressionRows> rows, const IdentifyOptions& options)
-      : base_(base), rows_(std::move(rows)), options_(options), n_(rows_.front().joints()) {}
+  Problem(const BaseParameters& base, std::vector<RegressionRows> rows, Eigen::Index samples,
+          const IdentifyOptions& options)
+      : base_(base),
+        rows_(std::move(rows)),
+        options_(options),
+        samples_(samples),
+        n_(rows_.front().joints()),
+        own_(options.friction == FrictionLaw::none ? 0 : 3),
+        columns_(base.size() + n_ * own_) {}
 
   const std::vector<RegressionRows>& rows() const { return rows_; }
+  int columns() const { return columns_; }
+  /// First friction column of joint j.
+  int first(int j) const { return base_.size() + j * own_; }
 
   RowWeights all_rows() const {
     RowWeights weights;
@@ -80,73 +64,144 @@ class Problem {
     return weights;
   }
 
-  /// Leaves out the rows of block `fold` of `folds` of every log (chosen by `out`), with a margin where filters overlap.
-  RowWeights without(int folds, const std::function<bool(int)>& out) const {
-    RowWeights weights = all_rows();
+  /// `weights` without the blocks of `folds` of every log that `out` chooses, nor the rows that share data
+  /// with them.
+  RowWeights without(const RowWeights& weights, int folds, const std::function<bool(int)>& out) const {
+    RowWeights inside = weights;
     for (std::size_t l = 0; l < rows_.size(); ++l) {
       const Eigen::Index size = rows_[l].size(), margin = rows_[l].overlap();
       for (Eigen::Index i = 0; i < size; ++i) {
-        const Eigen::Index before = std::max<Eigen::Index>(0, i - margin), after = std::min(size - 1, i + margin);
+        const Eigen::Index before = std::max<Eigen::Index>(0, i - margin),
+                           after = std::min(size - 1, i + margin);
         for (Eigen::Index k : {before, i, after})
-          if (out(static_cast<int>(k * folds / size))) weights[l].row(i).setZero();
+          if (out(static_cast<int>(k * folds / size))) inside[l].row(i).setZero();
       }
     }
-    return weights;
+    return inside;
   }
 
-  /// Only the rows of the blocks chosen by `out`.
-  RowWeights only(int folds, const std::function<bool(int)>& out) const {
-    RowWeights weights = all_rows();
+  /// `weights` within these blocks alone.
+  RowWeights only(const RowWeights& weights, int folds, const std::function<bool(int)>& out) const {
+    RowWeights outside = weights;
     for (std::size_t l = 0; l < rows_.size(); ++l)
       for (Eigen::Index i = 0; i < rows_[l].size(); ++i)
-        if (!out(static_cast<int>(i * folds / rows_[l].size()))) weights[l].row(i).setZero();
-    return weights;
+        if (!out(static_cast<int>(i * folds / rows_[l].size()))) outside[l].row(i).setZero();
+    return outside;
   }
 
-  std::vector<std::string> names(const Laws& laws, bool with_phi) const {
+  std::vector<std::string> names() const {
     std::vector<std::string> names = base_.names;
-    for (int j = 0; j < n_; ++j) {
-      const FrictionLaw law = laws.law[at(j)];
-      if (law == FrictionLaw::linear)
-        for (const char* symbol : {"fv", "fc", "fo"}) names.push_back(tag(symbol, j));
-      if (law == FrictionLaw::sigmoid) {
-        for (const char* symbol : {"fv", "fo", "phi1_"}) names.push_back(tag(symbol, j));
-        if (with_phi)
-          for (const char* symbol : {"phi2_", "phi3_"}) names.push_back(tag(symbol, j));
-      }
-    }
+    for (int j = 0; j < n_ && own_ > 0; ++j)
+      for (const char* symbol : {"fv", "fc", "fo"}) names.push_back(tag(symbol, j));
     return names;
   }
 
+  /// Least squares by the method of the options, noise and correlation of each joint, pruning.
   Fit fit(const RowWeights& weights) const {
-    Fit best = linear_fit(uniform_laws(options_.friction == FrictionLaw::sigmoid ? FrictionLaw::linear
-                                                                                 : options_.friction),
-                          weights, options_.method);
-    return best;
+    Fit fit;
+    fit.sigmoid.resize(at(n_));
+    fit.groups = groups(weights);
+    fit.unweighted = merged(fit.groups, std::vector<double>(fit.groups.size(), 1.0));
+    check_excitation(fit.unweighted, names());
+    fit.weights = joint_weights(fit.groups, options_.method, weights);
+    fit.x = solve(merged(fit.groups, fit.weights));
+    if (options_.method == Method::irls) reweight(fit, weights);
+    set_noise(fit, weights);
+    prune(fit, weights);
+    return fit;
   }
 
-  /// The sigmoid law where `joints` says so, eq. (24) elsewhere.
-  Fit sigmoid_fit(const Fit& start, const std::vector<bool>& joints, const RowWeights& weights) const {
-    Laws laws = start.laws;
-    const std::vector<Eigen::MatrixXd> residual = residuals(start, rows_);
-    for (int j = 0; j < n_; ++j) {
-      if (!joints[at(j)]) continue;
-      laws.law[at(j)] = FrictionLaw::sigmoid;
-      laws.phi[at(j)] = scan(start, residual, weights, j);
+  /// What is left of joint j's torque in each log without its friction, N each.
+  Eigen::VectorXd difference(const Fit& fit, const RegressionRows& rows, int j) const {
+    return rows.tau().col(j) - rows.rigid(j) * fit.x.head(base_.size());
+  }
+
+  /// Eq. (25) with viscous term and offset for the differences of joint j (Section IV-B): everything but
+  /// (phi2, phi3) is linear and solved for at each trial (variable projection); the columns pass through the
+  /// filter of the rows.
+  SigmoidJoint fit_sigmoid(const Fit& fit, const RowWeights& weights, int j) const {
+    Eigen::Index total = 0;
+    for (const RegressionRows& r : rows_) total += r.size();
+    Eigen::VectorXd d(total), dq(total), w(total);
+    Eigen::Index row = 0;
+    for (std::size_t l = 0; l < rows_.size(); ++l) {
+      const Eigen::Index size = rows_[l].size();
+      d.segment(row, size) = difference(fit, rows_[l], j);
+      dq.segment(row, size) = rows_[l].velocity(j);
+      w.segment(row, size) = weights[l].col(j);
+      row += size;
     }
-    return improve(laws, start.weights, weights);
+    const double sharpest =
+        2.0 / std::max(options_.velocity_scale, 0.005);  // no sharper than the smoothed sign
+    const double fastest = std::max(dq.cwiseAbs().maxCoeff(), 1e-3);
+    struct Trial {
+      double cost = std::numeric_limits<double>::infinity();
+      Eigen::Vector3d x;  // fv, fo, phi1
+      Eigen::MatrixXd columns;
+    };
+    const auto project = [&](double phi2, double phi3) {
+      Trial trial;
+      trial.columns = sigmoid_columns(j, {1.0, phi2, phi3});
+      const Eigen::MatrixXd A = w.asDiagonal() * trial.columns.leftCols<3>();
+      const Eigen::VectorXd b = w.cwiseProduct(d);
+      trial.x = A.colPivHouseholderQr().solve(b);
+      trial.cost = (A * trial.x - b).squaredNorm();
+      return trial;
+    };
+    const auto cost = [&](const std::vector<double>& p) { return project(std::exp(p[0]), p[1]).cost; };
+    using Cost = decltype(cost);
+    std::vector<double> best;
+    double least = std::numeric_limits<double>::infinity();
+    // The middle of the curve sits near zero velocity; its sharpness may be anything between a line and a
+    // step.
+    for (double start : {0.1 * sharpest, 0.3 * sharpest, 0.9 * sharpest}) {
+      nlopt::opt search(nlopt::LN_BOBYQA, 2);
+      search.set_min_objective([](const std::vector<double>& p, std::vector<double>&,
+                                  void* data) { return (*static_cast<Cost*>(data))(p); },
+                               const_cast<void*>(static_cast<const void*>(&cost)));
+      search.set_lower_bounds(std::vector<double>{std::log(0.5 / fastest), -0.5 * fastest});
+      search.set_upper_bounds(std::vector<double>{std::log(sharpest), 0.5 * fastest});
+      search.set_ftol_rel(1e-8);
+      search.set_maxeval(150);
+      std::vector<double> p = {std::clamp(std::log(start), std::log(0.5 / fastest), std::log(sharpest)), 0.0};
+      double value = 0.0;
+      try {
+        search.optimize(p, value);
+      } catch (const nlopt::roundoff_limited&) {  // as good as it gets: p holds the best point
+      }
+      value = cost(p);
+      if (value < least) {
+        least = value;
+        best = p;
+      }
+    }
+    const Trial trial = project(std::exp(best[0]), best[1]);
+    SigmoidJoint out;
+    out.friction.linear = {trial.x[0], 0.0, trial.x[1], 0.0};
+    out.friction.sigmoid = {trial.x[2], std::exp(best[0]), best[1]};
+    Eigen::MatrixXd J = w.asDiagonal() * trial.columns;
+    J.rightCols<2>() *= trial.x[2];  // they were made with phi1 = 1
+    const double variance =
+        fit.correlation[j] * trial.cost / std::max(1.0, double((w.array() != 0.0).count()) - 5.0);
+    out.covariance =
+        variance * Eigen::MatrixXd(J.transpose() * J).completeOrthogonalDecomposition().pseudoInverse();
+    return out;
   }
 
   /// Rows predicted minus rows measured, N x n, one a log.
   std::vector<Eigen::MatrixXd> residuals(const Fit& fit, const std::vector<RegressionRows>& rows) const {
     std::vector<Eigen::MatrixXd> out;
-    const Layout layout = layout_of(fit.laws, base_.size(), true);
     for (const RegressionRows& r : rows) {
       Eigen::MatrixXd e(r.size(), n_);
       for (int j = 0; j < n_; ++j) {
-        e.col(j) = r.rigid(j) * fit.x.head(base_.size()) - r.tau().col(j);
-        if (layout.count[at(j)] > 0)
-          e.col(j) += friction_block(r, fit.laws, j, true) * fit.x.segment(layout.first[at(j)], layout.count[at(j)]);
+        e.col(j) = -difference(fit, r, j);
+        if (fit.sigmoid[at(j)]) {
+          const JointFriction& f = fit.sigmoid[at(j)]->friction;
+          e.col(j) += r.velocity_columns(
+              j, 1, [&](double dq) { return Eigen::RowVectorXd::Constant(1, friction_torque(f, dq)); });
+        } else if (own_ > 0) {
+          e.col(j) += linear_columns(r, j) * fit.x.segment(first(j), own_);
+        }
       }
       out.push_back(std::move(e));
     }
@@ -173,103 +228,54 @@ class Problem {
     return q;
   }
 
-  /// Noise of each joint, correlation, and backward elimination of what the data do not determine.
-  void finish(Fit& fit, const RowWeights& weights) const {
-    const std::vector<Eigen::MatrixXd> e = residuals(fit, rows_);
-    for (int j = 0; j < n_; ++j) {
-      std::vector<Eigen::VectorXd> parts;
-      double sum = 0.0;
-      Eigen::Index count = 0;
-      for (std::size_t l = 0; l < rows_.size(); ++l) {
-        for (std::size_t p = 0; p + 1 < rows_[l].parts().size(); ++p) {
-          std::vector<double> x;
-          for (Eigen::Index i = rows_[l].parts()[p]; i < rows_[l].parts()[p + 1]; ++i)
-            if (weights[l](i, j) != 0.0) x.push_back(e[l](i, j));
-          parts.emplace_back(Eigen::Map<Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size())));
-          sum += parts.back().squaredNorm();
-          count += parts.back().size();
-        }
-      }
-      RowGroup& group = fit.groups[at(j)];
-      const double free = std::max(1.0, double(count) - double(fit.layout.columns) / n_);
-      group.variance = sum / free;
-      group.correlation = integrated_autocorrelation(parts);
-    }
-    fit.kept.resize(at(fit.layout.columns));
-    std::iota(fit.kept.begin(), fit.kept.end(), 0);
-    while (true) {
-      std::vector<RowGroup> groups = fit.groups;
-      TriangularFactor merged(static_cast<int>(fit.kept.size()));
-      for (std::size_t g = 0; g < groups.size(); ++g) {
-        groups[g].factor = groups[g].factor.restricted(fit.kept);
-        merged.merge(groups[g].factor, fit.weights[g]);
-      }
-      const Eigen::VectorXd x = solve(merged);
-      fit.covariance = covariance(groups, fit.weights);
-      int worst = -1;
-      double most = options_.prune_percent;
-      for (int k = 0; k < x.size() && options_.prune_percent > 0.0; ++k) {
-        if (!prunable(fit, fit.kept[at(k)])) continue;
-        const double percent = 100.0 * std::sqrt(fit.covariance(k, k)) / std::abs(x[k]);
-        if (percent > most) {
-          most = percent;
-          worst = k;
-        }
-      }
-      if (worst < 0) {
-        set_solution(fit, x);
-        return;
-      }
-      fit.kept.erase(fit.kept.begin() + worst);
-    }
+  /// Solution and covariance with every column in.
+  std::pair<Eigen::VectorXd, Eigen::MatrixXd> unpruned(const Fit& fit) const {
+    return {solve(merged(fit.groups, fit.weights)), dynid::covariance(fit.groups, fit.weights)};
   }
 
  private:
   static std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
-  Laws uniform_laws(FrictionLaw law) const {
-    return {std::vector<FrictionLaw>(at(n_), law), std::vector<SigmoidFriction>(at(n_))};
+  Eigen::MatrixXd linear_columns(const RegressionRows& r, int j) const {
+    LinearFriction f;
+    f.velocity_scale = options_.velocity_scale;
+    return r.velocity_columns(j, 3, [&](double dq) { return Eigen::RowVectorXd(friction_regressor(f, dq)); });
   }
 
-  Eigen::MatrixXd friction_block(const RegressionRows& r, const Laws& laws, int j, bool with_phi) const {
-    const FrictionLaw law = laws.law[at(j)];
-    if (law == FrictionLaw::linear) {
-      LinearFriction f;
-      f.velocity_scale = options_.velocity_scale;
-      return r.velocity_columns(j, 3, [&](double dq) { return Eigen::RowVectorXd(friction_regressor(f, dq)); });
+  /// d tau_f / d(fv, fo, phi1, phi2, phi3) of joint j over all logs.
+  Eigen::MatrixXd sigmoid_columns(int j, const SigmoidFriction& phi) const {
+    Eigen::MatrixXd columns(0, 5);
+    for (const RegressionRows& r : rows_) {
+      const Eigen::Index row = columns.rows();
+      columns.conservativeResize(row + r.size(), Eigen::NoChange);
+      columns.bottomRows(r.size()) = r.velocity_columns(j, 5, [&](double dq) {
+        Eigen::RowVectorXd values(5);
+        values << dq, 1.0, friction_regressor(phi, dq);
+        return values;
+      });
     }
-    const SigmoidFriction phi = laws.phi[at(j)];
-    return r.velocity_columns(j, with_phi ? 5 : 3, [&](double dq) {
-      Eigen::RowVectorXd row(with_phi ? 5 : 3);
-      const Eigen::RowVector3d d = friction_regressor(phi, dq);
-      row[0] = dq;
-      row[1] = 1.0;
-      row[2] = d[0];
-      if (with_phi) row.tail<2>() = d.tail<2>();
-      return row;
-    });
+    return columns;
   }
 
-  /// One factor a joint, of all columns of the layout.
-  std::vector<RowGroup> groups(const Laws& laws, const Layout& layout, const RowWeights& weights,
-                               bool with_phi) const {
+  /// One factor a joint, of all columns.
+  std::vector<RowGroup> groups(const RowWeights& weights) const {
+    const int rigid = base_.size();
     std::vector<RowGroup> groups;
     for (int j = 0; j < n_; ++j) {
-      const int own = layout.count[at(j)];
-      TriangularFactor local(layout.rigid + own);
+      TriangularFactor local(rigid + own_);
       for (std::size_t l = 0; l < rows_.size(); ++l) {
         const RegressionRows& r = rows_[l];
-        Eigen::MatrixXd block(r.size(), layout.rigid + own + 1);
-        block.leftCols(layout.rigid) = r.rigid(j);
-        if (own > 0) block.middleCols(layout.rigid, own) = friction_block(r, laws, j, with_phi);
+        Eigen::MatrixXd block(r.size(), rigid + own_ + 1);
+        block.leftCols(rigid) = r.rigid(j);
+        if (own_ > 0) block.middleCols(rigid, own_) = linear_columns(r, j);
         block.rightCols<1>() = r.tau().col(j);
         block = weights[l].col(j).asDiagonal() * block;
         local.add(block);
       }
-      std::vector<int> where(at(layout.rigid + own));
-      std::iota(where.begin(), where.begin() + layout.rigid, 0);
-      std::iota(where.begin() + layout.rigid, where.end(), layout.first[at(j)]);
-      groups.push_back({local.scattered(where, layout.columns), 1.0, 1.0});
+      std::vector<int> where(at(rigid + own_));
+      std::iota(where.begin(), where.begin() + rigid, 0);
+      std::iota(where.begin() + rigid, where.end(), first(j));
+      groups.push_back({local.scattered(where, columns_), 1.0, 1.0});
     }
     return groups;
   }
@@ -280,8 +286,10 @@ class Problem {
     return all;
   }
 
-  static double misfit(const RowGroup& group, const Eigen::VectorXd& x) {
-    return (group.factor.R() * x - group.factor.z()).squaredNorm() + group.factor.residual();
+  Eigen::Index rows_in(const RowWeights& weights, int j) const {
+    Eigen::Index rows = 0;
+    for (const Eigen::MatrixXd& w : weights) rows += (w.col(j).array() != 0.0).count();
+    return rows;
   }
 
   /// Weights of method wls for given factors; ones for ols.
@@ -292,25 +300,12 @@ class Problem {
     for (int pass = 0; pass < 5; ++pass) {
       const Eigen::VectorXd x = solve(merged(groups, weights));
       for (int j = 0; j < n_; ++j) {
-        double count = 0.0;
-        for (const Eigen::MatrixXd& w : row_weights) count += double((w.col(j).array() != 0.0).count());
-        weights[at(j)] = 1.0 / std::sqrt(std::max(misfit(groups[at(j)], x) / count, 1e-16));
+        const TriangularFactor& factor = groups[at(j)].factor;
+        const double misfit = (factor.R() * x - factor.z()).squaredNorm() + factor.residual();
+        weights[at(j)] = 1.0 / std::sqrt(std::max(misfit / double(rows_in(row_weights, j)), 1e-16));
       }
     }
     return weights;
-  }
-
-  Fit linear_fit(const Laws& laws, const RowWeights& row_weights, Method method) const {
-    Fit fit;
-    fit.laws = laws;
-    fit.layout = layout_of(laws, base_.size(), true);
-    fit.groups = groups(laws, fit.layout, row_weights, true);
-    fit.unweighted = merged(fit.groups, std::vector<double>(fit.groups.size(), 1.0));
-    check_excitation(fit.unweighted, names(laws, true));
-    fit.weights = joint_weights(fit.groups, method, row_weights);
-    fit.x = solve(merged(fit.groups, fit.weights));
-    if (method == Method::irls) reweight(fit, row_weights);
-    return fit;
   }
 
   /// Huber's weights on top of `fit`, iterated; the factors of the groups then hold weighted rows.
@@ -330,183 +325,114 @@ class Problem {
           for (Eigen::Index i = 0; i < e[l].rows(); ++i)
             if (std::abs(e[l](i, j)) > limit) robust[l](i, j) *= std::sqrt(limit / std::abs(e[l](i, j)));
       }
-      fit.groups = groups(fit.laws, fit.layout, robust, true);
+      fit.groups = groups(robust);
       fit.weights = joint_weights(fit.groups, Method::wls, robust);
       fit.x = solve(merged(fit.groups, fit.weights));
     }
   }
 
-  /// (phi2, phi3) from the differences that the start leaves on joint j, its own friction put back.
-  SigmoidFriction scan(const Fit& start, const std::vector<Eigen::MatrixXd>& residual, const RowWeights& weights,
-                       int j) const {
-    std::vector<double> v, d;
-    for (std::size_t l = 0; l < rows_.size(); ++l) {
-      const Eigen::VectorXd dq = rows_[l].velocity(j);
-      Eigen::VectorXd difference = -residual[l].col(j);
-      const int own = start.layout.count[at(j)];
-      // Only the step of eq. (24): what the viscous term and the offset explain stays with them.
-      if (own > 0)
-        difference += friction_block(rows_[l], start.laws, j, true).col(1) * start.x[start.layout.first[at(j)] + 1];
-      for (Eigen::Index i = 0; i < dq.size(); ++i) {
-        if (weights[l](i, j) == 0.0) continue;
-        v.push_back(dq[i]);
-        d.push_back(difference[i]);
-      }
-    }
-    const FrictionFit fit =
-        fit_sigmoid_friction(Eigen::Map<Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size())),
-                             Eigen::Map<Eigen::VectorXd>(d.data(), static_cast<Eigen::Index>(d.size())));
-    return clamped(fit.friction.sigmoid);
-  }
-
-  /// No sharper than the smoothed sign, no flatter than a line over any robot's velocities.
-  SigmoidFriction clamped(SigmoidFriction phi) const {
-    if (phi.phi2 < 0.0) phi = {-phi.phi1, -phi.phi2, phi.phi3};  // the same curve
-    const double sharpest = 2.0 / std::max(options_.velocity_scale, 0.005);
-    phi.phi2 = std::clamp(phi.phi2, 0.5, sharpest);
-    phi.phi3 = std::clamp(phi.phi3, -1.0, 1.0);
-    return phi;
-  }
-
-  struct Projected {
-    double cost = 0.0;
-    Eigen::VectorXd x;
-  };
-
-  /// All that is linear solved for, for given (phi2, phi3).
-  Projected project(const Laws& laws, const std::vector<double>& weights, const RowWeights& row_weights) const {
-    const TriangularFactor factor =
-        merged(groups(laws, layout_of(laws, base_.size(), false), row_weights, false), weights);
-    return {factor.residual(), solve(factor)};
-  }
-
-  /// phi1 into the laws, from the linear solution.
-  void take_phi1(Laws& laws, const Eigen::VectorXd& x) const {
-    const Layout layout = layout_of(laws, base_.size(), false);
-    for (int j = 0; j < n_; ++j)
-      if (laws.law[at(j)] == FrictionLaw::sigmoid) laws.phi[at(j)].phi1 = x[layout.first[at(j)] + 2];
-  }
-
-  /// Levenberg-Marquardt over all (phi2, phi3) at once; the linear unknowns follow (variable projection).
-  Fit improve(Laws laws, const std::vector<double>& weights, const RowWeights& row_weights) const {
-    Projected now = project(laws, weights, row_weights);
-    take_phi1(laws, now.x);
-    double damping = 1e-2;
-    for (int iteration = 0; iteration < 40 && damping < 1e6; ++iteration) {
-      const Layout layout = layout_of(laws, base_.size(), true);
-      const TriangularFactor factor = merged(groups(laws, layout, row_weights, true), weights);
-      Eigen::MatrixXd rows(0, layout.columns + 1);
-      for (int j = 0; j < n_; ++j) {
-        if (laws.law[at(j)] != FrictionLaw::sigmoid) continue;
-        for (int k : {3, 4}) {
-          const int column = layout.first[at(j)] + k;
-          rows.conservativeResize(rows.rows() + 1, Eigen::NoChange);
-          rows.bottomRows<1>().setZero();
-          rows(rows.rows() - 1, column) = std::sqrt(damping) * (factor.R().col(column).norm() + 1e-9);
+  /// Variance of each joint's residual, and its correlation from row to row.
+  void set_noise(Fit& fit, const RowWeights& weights) const {
+    const std::vector<Eigen::MatrixXd> e = residuals(fit, rows_);
+    fit.noise.resize(n_);
+    fit.correlation.resize(n_);
+    for (int j = 0; j < n_; ++j) {
+      std::vector<Eigen::VectorXd> parts;
+      double sum = 0.0;
+      for (std::size_t l = 0; l < rows_.size(); ++l) {
+        for (std::size_t p = 0; p + 1 < rows_[l].parts().size(); ++p) {
+          std::vector<double> x;
+          for (Eigen::Index i = rows_[l].parts()[p]; i < rows_[l].parts()[p + 1]; ++i)
+            if (weights[l](i, j) != 0.0) x.push_back(e[l](i, j));
+          parts.emplace_back(Eigen::Map<Eigen::VectorXd>(x.data(), static_cast<Eigen::Index>(x.size())));
+          sum += parts.back().squaredNorm();
         }
       }
-      TriangularFactor damped = factor;
-      damped.add(rows);
-      const Eigen::VectorXd x = solve(damped);
-      Laws trial = laws;
-      for (int j = 0; j < n_; ++j) {
-        if (laws.law[at(j)] != FrictionLaw::sigmoid) continue;
-        SigmoidFriction& phi = trial.phi[at(j)];
-        phi.phi2 += x[layout.first[at(j)] + 3];
-        phi.phi3 += x[layout.first[at(j)] + 4];
-        phi = clamped(phi);
-      }
-      const Projected next = project(trial, weights, row_weights);
-      if (next.cost < now.cost) {
-        const double gain = (now.cost - next.cost) / now.cost;
-        take_phi1(trial, next.x);
-        laws = trial;
-        now = next;
-        damping = std::max(0.2 * damping, 1e-9);
-        if (gain < 1e-8) break;
-      } else {
-        damping *= 6.0;
-      }
+      const double free = std::max(1.0, double(rows_in(weights, j)) - double(columns_) / n_);
+      RowGroup& group = fit.groups[at(j)];
+      group.variance = sum / free;
+      group.correlation = integrated_autocorrelation(parts);
+      fit.noise[j] = std::sqrt(group.variance);
+      fit.correlation[j] = group.correlation;
     }
-    Fit fit;
-    fit.laws = laws;
-    fit.layout = layout_of(laws, base_.size(), true);
-    fit.groups = groups(laws, fit.layout, row_weights, true);
-    fit.unweighted = merged(fit.groups, std::vector<double>(fit.groups.size(), 1.0));
-    fit.weights = weights;
-    fit.kept.resize(at(fit.layout.columns));
+  }
+
+  /// Backward elimination. The letter's rule comes with the letter's statistic, which takes every sample for
+  /// an independent one; its 30 % are several times as much once correlation is honoured. So a coefficient
+  /// goes only if, on the honest scale too, dropping it saves more than it costs: |x| < sqrt(2) sigma,
+  /// Akaike's price.
+  void prune(Fit& fit, const RowWeights& weights) const {
+    const double per_sample = double(rows_in(weights, 0)) / double(samples_);
+    fit.kept.resize(at(columns_));
     std::iota(fit.kept.begin(), fit.kept.end(), 0);
-    // The increments of (phi2, phi3) are zero here: what is left of them is the optimiser's tolerance.
-    fit.x = Eigen::VectorXd::Zero(fit.layout.columns);
-    const Layout narrow = layout_of(laws, base_.size(), false);
-    fit.x.head(base_.size()) = now.x.head(base_.size());
-    for (int j = 0; j < n_; ++j)
-      fit.x.segment(fit.layout.first[at(j)], narrow.count[at(j)]) =
-          now.x.segment(narrow.first[at(j)], narrow.count[at(j)]);
-    return fit;
-  }
-
-  /// phi1 with its phi2 and phi3 stand or fall together.
-  bool prunable(const Fit& fit, int column) const {
-    for (int j = 0; j < n_; ++j)
-      if (fit.laws.law[at(j)] == FrictionLaw::sigmoid && column >= fit.layout.first[at(j)] + 2 &&
-          column < fit.layout.first[at(j)] + 5)
-        return false;
-    return true;
-  }
-
-  void set_solution(Fit& fit, const Eigen::VectorXd& kept) const {
-    const Eigen::VectorXd before = fit.x;
-    fit.x = Eigen::VectorXd::Zero(fit.layout.columns);
-    for (std::size_t k = 0; k < fit.kept.size(); ++k) fit.x[fit.kept[k]] = kept[static_cast<Eigen::Index>(k)];
-    for (int j = 0; j < n_; ++j)  // increments of (phi2, phi3) are not part of the solution
-      if (fit.laws.law[at(j)] == FrictionLaw::sigmoid) fit.x.segment<2>(fit.layout.first[at(j)] + 3).setZero();
+    while (true) {
+      std::vector<RowGroup> part = fit.groups;
+      for (RowGroup& group : part) group.factor = group.factor.restricted(fit.kept);
+      const Eigen::VectorXd x = solve(merged(part, fit.weights));
+      fit.covariance = dynid::covariance(part, fit.weights);
+      for (RowGroup& group : part) group.correlation = 1.0;
+      const Eigen::VectorXd textbook = per_sample * dynid::covariance(part, fit.weights).diagonal();
+      Eigen::Index worst = -1;
+      double most = 0.0;
+      for (Eigen::Index k = 0; k < x.size() && options_.prune_percent > 0.0; ++k) {
+        const double percent = 100.0 * std::sqrt(textbook[k]) / std::abs(x[k]);
+        if (percent <= options_.prune_percent || x[k] * x[k] >= 2.0 * fit.covariance(k, k) || percent <= most)
+          continue;
+        most = percent;
+        worst = k;
+      }
+      if (worst < 0) {
+        fit.x = Eigen::VectorXd::Zero(columns_);
+        fit.x(fit.kept) = x;
+        return;
+      }
+      fit.kept.erase(fit.kept.begin() + worst);
+    }
   }
 
   const BaseParameters& base_;
   std::vector<RegressionRows> rows_;
   const IdentifyOptions& options_;
-  int n_;
+  Eigen::Index samples_;  // of all logs
+  int n_, own_, columns_;
 };
 
-/// A fit with the law that held-out blocks prefer on each joint.
-Fit fit_with_choice(const Problem& problem, const RowWeights& weights, const IdentifyOptions& options, int joints,
-                    std::vector<FrictionComparison>* report) {
-  const Fit linear = problem.fit(weights);
-  if (options.friction != FrictionLaw::sigmoid) return linear;
+/// The fit, with eq. (25) on the joints where held-out blocks prefer it.
+Fit fit_with_choice(const Problem& problem, const RowWeights& weights, const IdentifyOptions& options,
+                    int joints, std::vector<FrictionComparison>* report) {
+  Fit fit = problem.fit(weights);
+  if (options.friction != FrictionLaw::sigmoid) return fit;
   constexpr int folds = 5;
-  const auto n = static_cast<std::size_t>(joints);
-  const std::vector<bool> everywhere(n, true);
-  Eigen::VectorXd linear_error = Eigen::VectorXd::Zero(joints), sigmoid_error = linear_error;
+  constexpr double worth_it = 0.98;  // two more parameters must earn two per cent of the held-out error
+  Eigen::VectorXd linear = Eigen::VectorXd::Zero(joints), sigmoid = linear;
   double count = 0.0;
   for (int fold = 0; fold < folds; ++fold) {
     const auto out = [fold](int block) { return block == fold; };
-    RowWeights inside = problem.without(folds, out), outside = problem.only(folds, out);
-    for (std::size_t l = 0; l < inside.size(); ++l) {
-      inside[l].array() *= (weights[l].array() != 0.0).cast<double>();
-      outside[l].array() *= (weights[l].array() != 0.0).cast<double>();
-    }
-    const Fit a = problem.fit(inside);
-    const Fit b = problem.sigmoid_fit(a, everywhere, inside);
-    const FitQuality qa = problem.quality(a, problem.rows(), outside, "");
-    const FitQuality qb = problem.quality(b, problem.rows(), outside, "");
-    linear_error += double(qa.rows) * qa.rmse.cwiseAbs2();
-    sigmoid_error += double(qb.rows) * qb.rmse.cwiseAbs2();
-    count += double(qa.rows);
+    const RowWeights inside = problem.without(weights, folds, out),
+                     outside = problem.only(weights, folds, out);
+    Fit part = problem.fit(inside);
+    const FitQuality a = problem.quality(part, problem.rows(), outside, "");
+    for (int j = 0; j < joints; ++j)
+      part.sigmoid[static_cast<std::size_t>(j)] = problem.fit_sigmoid(part, inside, j);
+    const FitQuality b = problem.quality(part, problem.rows(), outside, "");
+    linear += double(a.rows) * a.rmse.cwiseAbs2();
+    sigmoid += double(b.rows) * b.rmse.cwiseAbs2();
+    count += double(a.rows);
     if (options.progress) options.progress("choosing the friction laws", double(fold + 1) / folds);
   }
-  std::vector<bool> chosen(n, false);
   for (int j = 0; j < joints; ++j) {
-    chosen[static_cast<std::size_t>(j)] = sigmoid_error[j] < linear_error[j];
+    const bool better = sigmoid[j] < worth_it * worth_it * linear[j];
+    if (better) fit.sigmoid[static_cast<std::size_t>(j)] = problem.fit_sigmoid(fit, weights, j);
     if (report)
-      report->push_back({j + 1, std::sqrt(linear_error[j] / count), std::sqrt(sigmoid_error[j] / count),
-                         chosen[static_cast<std::size_t>(j)] ? FrictionLaw::sigmoid : FrictionLaw::linear});
+      report->push_back({j + 1, std::sqrt(linear[j] / count), std::sqrt(sigmoid[j] / count),
+                         better ? FrictionLaw::sigmoid : FrictionLaw::linear});
   }
-  return problem.sigmoid_fit(linear, chosen, weights);
+  return fit;
 }
 
-std::vector<RegressionRows> rows_of(const Robot& robot, const BaseParameters& base, const std::vector<Log>& logs,
-                                    const IdentifyOptions& options, double& cutoff, std::vector<PreparedLog>& reports) {
+std::vector<RegressionRows> rows_of(const Robot& robot, const BaseParameters& base,
+                                    const std::vector<Log>& logs, const IdentifyOptions& options,
+                                    double& cutoff, std::vector<PreparedLog>& reports) {
   std::vector<RegressionRows> rows;
   PrepareOptions prepare_options = options.prepare;
   if (cutoff == 0.0) {
@@ -526,24 +452,10 @@ std::vector<RegressionRows> rows_of(const Robot& robot, const BaseParameters& ba
     rows.emplace_back(robot, base, prepared);
     prepared.segments.clear();
     reports.push_back(std::move(prepared));
-    if (options.progress) options.progress("building the regressor", double(rows.size()) / double(logs.size()));
+    if (options.progress)
+      options.progress("building the regressor", double(rows.size()) / double(logs.size()));
   }
   return rows;
-}
-
-void put_friction(Robot& robot, const Fit& fit, double velocity_scale) {
-  for (int j = 0; j < robot.size(); ++j) {
-    JointFriction f;
-    const auto k = static_cast<std::size_t>(j);
-    const int first = fit.layout.first[k];
-    if (fit.laws.law[k] == FrictionLaw::linear) {
-      f.linear = {fit.x[first], fit.x[first + 1], fit.x[first + 2], velocity_scale};
-    } else if (fit.laws.law[k] == FrictionLaw::sigmoid) {
-      f.linear = {fit.x[first], 0.0, fit.x[first + 1], 0.0};
-      f.sigmoid = {fit.x[first + 2], fit.laws.phi[k].phi2, fit.laws.phi[k].phi3};
-    }
-    robot.joints[k].friction = f;
-  }
 }
 
 }  // namespace
@@ -555,7 +467,9 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
   out.base = base_parameters(robot, options.rotor_inertia);
   std::vector<RegressionRows> rows = rows_of(robot, out.base, logs, options, out.cutoff, out.logs);
   const int n = robot.size(), r = out.base.size();
-  const Problem problem(out.base, std::move(rows), options);
+  Eigen::Index samples = 0;
+  for (const PreparedLog& log : out.logs) samples += log.report.samples;
+  const Problem problem(out.base, std::move(rows), samples, options);
   const RowWeights everything = problem.all_rows();
   Fit fit;
   try {
@@ -563,10 +477,8 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
   } catch (const Error& error) {
     throw Error(logs.front().source + ": " + error.what());
   }
-  out.rank = fit.layout.columns;
   out.condition_number = condition_number(fit.unweighted);
   out.factor = fit.unweighted;
-  problem.finish(fit, everything);
   out.fit = problem.quality(fit, problem.rows(), everything, "fit");
 
   if (!validation.empty()) {
@@ -579,46 +491,56 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
     out.validation = problem.quality(fit, held_out, ones, source);
   } else {
     const auto held_out = [](int block) { return block == 3 || block == 8; };
-    const RowWeights inside = problem.without(10, held_out);
+    const RowWeights inside = problem.without(everything, 10, held_out);
     try {
-      Fit second = fit_with_choice(problem, inside, options, n, nullptr);
-      problem.finish(second, inside);
-      out.validation = problem.quality(second, problem.rows(), problem.only(10, held_out),
-                                       "a fifth of the logs (blocks 4 and 9 of ten), left out of a second fit");
+      const Fit second = fit_with_choice(problem, inside, options, n, nullptr);
+      out.validation =
+          problem.quality(second, problem.rows(), problem.only(everything, 10, held_out),
+                          "a fifth of the logs (blocks 4 and 9 of ten), left out of a second fit");
     } catch (const Error& error) {
       out.validation_note = std::string("no part could be held out: ") + error.what();
     }
   }
 
-  out.values = fit.x;
-  for (int j = 0; j < n; ++j) {
-    const auto k = static_cast<std::size_t>(j);
-    if (fit.laws.law[k] != FrictionLaw::sigmoid) continue;
-    out.values[fit.layout.first[k] + 3] = fit.laws.phi[k].phi2;
-    out.values[fit.layout.first[k] + 4] = fit.laws.phi[k].phi3;
-  }
-  out.covariance = Eigen::MatrixXd::Zero(out.rank, out.rank);
-  out.covariance(fit.kept, fit.kept) = fit.covariance;
-  out.noise.resize(n);
-  out.correlation.resize(n);
-  for (int j = 0; j < n; ++j) {
-    out.noise[j] = std::sqrt(fit.groups[static_cast<std::size_t>(j)].variance);
-    out.correlation[j] = fit.groups[static_cast<std::size_t>(j)].correlation;
-  }
+  out.noise = fit.noise;
+  out.correlation = fit.correlation;
   // A dropped coefficient is reported as it was before anything was dropped, and is zero in the model.
-  TriangularFactor full(out.rank);
-  for (std::size_t g = 0; g < fit.groups.size(); ++g) full.merge(fit.groups[g].factor, fit.weights[g]);
-  const Eigen::VectorXd unpruned = solve(full);
-  const Eigen::MatrixXd unpruned_covariance = covariance(fit.groups, fit.weights);
-  const std::vector<std::string> names = problem.names(fit.laws, true);
-  for (int k = 0; k < out.rank; ++k) {
+  const auto [unpruned, unpruned_covariance] = problem.unpruned(fit);
+  const std::vector<std::string> names = problem.names();
+  std::vector<double> values;
+  std::vector<double> variances;
+  const auto add = [&](const std::string& name, const std::string& expression, double value, double variance,
+                       double reported, double reported_variance, bool kept) {
+    values.push_back(value);
+    variances.push_back(variance);
+    out.coefficients.push_back({name, expression, reported,
+                                100.0 * std::sqrt(reported_variance) / std::max(std::abs(reported), 1e-300),
+                                kept});
+  };
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(problem.columns(), problem.columns());
+  covariance(fit.kept, fit.kept) = fit.covariance;
+  for (int k = 0; k < problem.columns(); ++k) {
+    const int j = k < r ? -1 : (k - r) / 3;
+    if (j >= 0 && fit.sigmoid[static_cast<std::size_t>(j)]) continue;
     const bool kept = std::binary_search(fit.kept.begin(), fit.kept.end(), k);
-    const double value = kept ? out.values[k] : unpruned[k];
-    const double variance = kept ? out.covariance(k, k) : unpruned_covariance(k, k);
     const std::string& name = names[static_cast<std::size_t>(k)];
-    out.coefficients.push_back({name, k < r ? out.base.expressions[static_cast<std::size_t>(k)] : name, value,
-                                100.0 * std::sqrt(variance) / std::max(std::abs(value), 1e-300), kept});
+    add(name, k < r ? out.base.expressions[static_cast<std::size_t>(k)] : name, fit.x[k], covariance(k, k),
+        kept ? fit.x[k] : unpruned[k], kept ? covariance(k, k) : unpruned_covariance(k, k), kept);
   }
+  for (int j = 0; j < n; ++j) {
+    const auto& sigmoid = fit.sigmoid[static_cast<std::size_t>(j)];
+    if (!sigmoid) continue;
+    const JointFriction& f = sigmoid->friction;
+    const double x[5] = {f.linear.viscous, f.linear.offset, f.sigmoid.phi1, f.sigmoid.phi2, f.sigmoid.phi3};
+    const char* symbols[5] = {"fv", "fo", "phi1_", "phi2_", "phi3_"};
+    for (int k = 0; k < 5; ++k)
+      add(tag(symbols[k], j), tag(symbols[k], j), x[k], sigmoid->covariance(k, k), x[k],
+          sigmoid->covariance(k, k), true);
+  }
+  out.rank = static_cast<int>(values.size());
+  out.values = Eigen::Map<Eigen::VectorXd>(values.data(), out.rank);
+  out.variance = Eigen::Map<Eigen::VectorXd>(variances.data(), out.rank);
+  out.covariance = covariance.topLeftCorner(r, r);
 
   const Eigen::VectorXd pi =
       nearest_parameters(out.base, out.values.head(r), parameter_vector(robot, out.base));
@@ -627,7 +549,17 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
   for (int j = 0; j < n; ++j)
     out.robot.joints[static_cast<std::size_t>(j)].rotor_inertia =
         options.rotor_inertia ? pi[out.base.standard + j] : 0.0;
-  put_friction(out.robot, fit, options.velocity_scale);
+  for (int j = 0; j < n; ++j) {
+    const auto& sigmoid = fit.sigmoid[static_cast<std::size_t>(j)];
+    JointFriction f;
+    if (sigmoid) {
+      f = sigmoid->friction;
+    } else if (options.friction != FrictionLaw::none) {
+      const int first = problem.first(j);
+      f.linear = {fit.x[first], fit.x[first + 1], fit.x[first + 2], options.velocity_scale};
+    }
+    out.robot.joints[static_cast<std::size_t>(j)].friction = f;
+  }
   return out;
 }
 

@@ -42,8 +42,8 @@ void check_excitation(const TriangularFactor& factor, const std::vector<std::str
     separator = ", ";
   }
   text << " (condition number " << std::setprecision(3)
-       << (s[p - 1] > 0.0 ? s[0] / s[p - 1] : std::numeric_limits<double>::infinity()) << ", at most " << limit
-       << " can be solved)";
+       << (s[p - 1] > 0.0 ? s[0] / s[p - 1] : std::numeric_limits<double>::infinity()) << ", at most "
+       << limit << " can be solved)";
   throw Error(text.str());
 }
 

@@ -18,8 +18,9 @@ PredictedTorque predict_torque(const Robot& robot, const Eigen::MatrixXd& q, con
   const int n = robot.size();
   for (const Eigen::MatrixXd* x : {&q, &dq, &ddq})
     if (x->cols() != n || x->rows() != q.rows())
-      throw Error("torque prediction: a motion of " + std::to_string(x->rows()) + " x " + std::to_string(x->cols()) +
-                  " for " + std::to_string(q.rows()) + " samples of " + std::to_string(n) + " joints");
+      throw Error("torque prediction: a motion of " + std::to_string(x->rows()) + " x " +
+                  std::to_string(x->cols()) + " for " + std::to_string(q.rows()) + " samples of " +
+                  std::to_string(n) + " joints");
   const Model<> model(robot);
   Workspace<> workspace(model);
   PredictedTorque out;

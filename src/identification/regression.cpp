@@ -15,7 +15,8 @@ namespace dynid {
 namespace {
 
 DecimatingFilter row_filter(const Segment& segment, double cutoff) {
-  const auto factor = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(segment.rate / (2.5 * cutoff))));
+  const auto factor =
+      std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(segment.rate / (2.5 * cutoff))));
   return {ZeroPhaseButterworth(cutoff, segment.rate).half_kernel(), factor};
 }
 
@@ -39,40 +40,44 @@ RegressionRows::RegressionRows(const Robot& robot, const BaseParameters& base, c
     const Segment& segment = log.segments[p];
     const DecimatingFilter& filter = filters_[p];
     const Eigen::Index samples = segment.t.size(), first_row = parts_[p], count = parts_[p + 1] - first_row;
-    overlap_ = std::max(overlap_, 2 * filter.reach() / std::max<Eigen::Index>(1, filter.centre(1) - filter.centre(0)));
+    const Eigen::Index step = filter.centre(1) - filter.centre(0);
+    overlap_ = std::max(overlap_,
+                        static_cast<Eigen::Index>(std::ceil(2.0 * segment.rate / log.cutoff / double(step))));
     tau_.middleRows(first_row, count) = filter.apply(segment.tau);
     for (Eigen::Index k = 0; k < count; ++k) t_[first_row + k] = segment.t[filter.centre(k)];
 
     // Blocks of outputs, each evaluating the samples it depends on: no full-rate regressor is ever kept.
     constexpr Eigen::Index grain = 128;
-    tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, (count + grain - 1) / grain, 1), [&](const auto& blocks) {
-      Workspace<> workspace(model);
-      Eigen::MatrixXd Y(n, 10 * n), full;
-      Eigen::VectorXd q(n), dq(n), ddq(n);
-      for (Eigen::Index b = blocks.begin(); b != blocks.end(); ++b) {
-        const Eigen::Index k0 = b * grain, k1 = std::min(count, k0 + grain) - 1;
-        const Eigen::Index from = std::max<Eigen::Index>(0, filter.centre(k0) - filter.reach());
-        const Eigen::Index to = std::min(samples - 1, filter.centre(k1) + filter.reach());
-        full.resize(to - from + 1, n * r);
-        for (Eigen::Index i = from; i <= to; ++i) {
-          q = segment.q.row(i);
-          dq = segment.dq.row(i);
-          ddq = segment.ddq.row(i);
-          regressor(model, workspace, q, dq, ddq, Y);
-          for (int c = 0; c < r; ++c) {
-            const int column = base.columns[static_cast<std::size_t>(c)];
-            for (int j = 0; j < n; ++j)
-              full(i - from, j * r + c) = column < base.standard            ? Y(j, column)
-                                          : column - base.standard == j ? ddq[j]
-                                                                        : 0.0;
+    tbb::parallel_for(
+        tbb::blocked_range<Eigen::Index>(0, (count + grain - 1) / grain, 1), [&](const auto& blocks) {
+          Workspace<> workspace(model);
+          Eigen::MatrixXd Y(n, 10 * n), full;
+          Eigen::VectorXd q(n), dq(n), ddq(n);
+          for (Eigen::Index b = blocks.begin(); b != blocks.end(); ++b) {
+            const Eigen::Index k0 = b * grain, k1 = std::min(count, k0 + grain) - 1;
+            const Eigen::Index from = std::max<Eigen::Index>(0, filter.centre(k0) - filter.reach());
+            const Eigen::Index to = std::min(samples - 1, filter.centre(k1) + filter.reach());
+            full.resize(to - from + 1, n * r);
+            for (Eigen::Index i = from; i <= to; ++i) {
+              q = segment.q.row(i);
+              dq = segment.dq.row(i);
+              ddq = segment.ddq.row(i);
+              regressor(model, workspace, q, dq, ddq, Y);
+              for (int c = 0; c < r; ++c) {
+                const int column = base.columns[static_cast<std::size_t>(c)];
+                for (int j = 0; j < n; ++j)
+                  full(i - from, j * r + c) = column < base.standard        ? Y(j, column)
+                                              : column - base.standard == j ? ddq[j]
+                                                                            : 0.0;
+              }
+            }
+            for (Eigen::Index k = k0; k <= k1; ++k) {
+              const Eigen::RowVectorXd out = filter.output(k, full, from, samples);
+              for (int j = 0; j < n; ++j)
+                rigid_[static_cast<std::size_t>(j)].row(first_row + k) = out.segment(j * r, r);
+            }
           }
-        }
-        for (Eigen::Index k = k0; k <= k1; ++k) {
-          const Eigen::RowVectorXd out = filter.output(k, full, from, samples);
-          for (int j = 0; j < n; ++j) rigid_[static_cast<std::size_t>(j)].row(first_row + k) = out.segment(j * r, r);
-        }
-      }
-    });
+        });
   }
 }
 

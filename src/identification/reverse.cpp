@@ -21,7 +21,8 @@ constexpr int held_out_every = 5;
 bool first_axis_is_vertical(const Robot& robot) {
   const Joint& first = robot.joints.front();
   const Eigen::Vector3d axis = first.origin.linear() * first.axis;
-  return first.type != JointType::prismatic && axis.cross(robot.gravity).norm() <= 1e-9 * robot.gravity.norm();
+  return first.type != JointType::prismatic &&
+         axis.cross(robot.gravity).norm() <= 1e-9 * robot.gravity.norm();
 }
 
 /// Calls `row(sample, regressor row, value)` for every row of eq. (19) that is used, sample by sample.
@@ -109,8 +110,8 @@ Errors errors(const Stack& stack, const ModelSamples& samples, int n, const Eige
 
 struct Pruned {
   std::vector<int> kept;
-  Eigen::VectorXd x;            // all, 0 where dropped
-  Eigen::MatrixXd covariance;   // all, 0 where dropped
+  Eigen::VectorXd x;           // all, 0 where dropped
+  Eigen::MatrixXd covariance;  // all, 0 where dropped
 };
 
 Pruned solve_pruned(const TriangularFactor& factor, double prune_percent) {
@@ -148,8 +149,8 @@ ModelSamples read_model_samples(const std::string& path, int joints) {
   const Table table = read_table(path);
   const int found = table.count("q");
   if (found != joints)
-    throw Error(path + ": the samples have " + std::to_string(found) + " joints (q1..q" + std::to_string(found) +
-                "), the robot has " + std::to_string(joints));
+    throw Error(path + ": the samples have " + std::to_string(found) + " joints (q1..q" +
+                std::to_string(found) + "), the robot has " + std::to_string(joints));
   ModelSamples samples;
   samples.source = path;
   samples.q = table.group("q", joints, true);
@@ -178,8 +179,8 @@ ReverseIdentification reverse_engineer(const Robot& robot, const ModelSamples& s
   out.base = base_parameters(robot);
   const int r = out.base.size();
   if (samples.q.rows() * n < 2 * r)  // eq. (18)
-    throw Error(samples.source + ": " + std::to_string(samples.q.rows()) + " configurations are too few for " +
-                std::to_string(r) + " coefficients");
+    throw Error(samples.source + ": " + std::to_string(samples.q.rows()) +
+                " configurations are too few for " + std::to_string(r) + " coefficients");
 
   const Stack stack(robot, out.base, samples);
   const auto every = [](Eigen::Index) { return true; };
@@ -210,9 +211,9 @@ ReverseIdentification reverse_engineer(const Robot& robot, const ModelSamples& s
   for (int k = 0; k < r; ++k) {
     const auto i = static_cast<std::size_t>(k);
     const Pruned& from = kept[i] ? pruned : all;
-    out.coefficients.push_back({out.base.names[i], out.base.expressions[i], from.x[k],
-                                100.0 * std::sqrt(from.covariance(k, k)) / std::max(std::abs(from.x[k]), 1e-300),
-                                kept[i]});
+    out.coefficients.push_back(
+        {out.base.names[i], out.base.expressions[i], from.x[k],
+         100.0 * std::sqrt(from.covariance(k, k)) / std::max(std::abs(from.x[k]), 1e-300), kept[i]});
   }
   out.robot = robot;
   out.robot.set_parameters(nearest_parameters(out.base, out.values, parameter_vector(robot, out.base)));

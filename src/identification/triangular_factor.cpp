@@ -58,7 +58,9 @@ TriangularFactor TriangularFactor::restricted(const std::vector<int>& kept) cons
 
 Eigen::MatrixXd TriangularFactor::R() const { return factor_.topLeftCorner(columns_, columns_); }
 Eigen::VectorXd TriangularFactor::z() const { return factor_.topRightCorner(columns_, 1); }
-double TriangularFactor::residual() const { return factor_(columns_, columns_) * factor_(columns_, columns_); }
+double TriangularFactor::residual() const {
+  return factor_(columns_, columns_) * factor_(columns_, columns_);
+}
 double TriangularFactor::energy() const { return factor_.col(columns_).squaredNorm(); }
 
 }  // namespace dynid

@@ -13,8 +13,8 @@ namespace dynid {
 ZeroPhaseButterworth::ZeroPhaseButterworth(double cutoff, double rate) : cutoff_(cutoff), rate_(rate) {
   if (!(cutoff > 0.0) || !(cutoff < 0.5 * rate)) {
     std::ostringstream text;
-    text << "cut-off frequency " << cutoff << " Hz: it must lie between 0 and half the sampling rate, " << 0.5 * rate
-         << " Hz";
+    text << "cut-off frequency " << cutoff << " Hz: it must lie between 0 and half the sampling rate, "
+         << 0.5 * rate << " Hz";
     throw Error(text.str());
   }
   // Bilinear transform with the cut-off prewarped; one section a pair of conjugate poles.
@@ -29,7 +29,8 @@ ZeroPhaseButterworth::ZeroPhaseButterworth(double cutoff, double rate) : cutoff_
 
 void ZeroPhaseButterworth::run(double* x, Eigen::Index size) const noexcept {
   for (const Section& s : sections_) {
-    // Steady state of the transposed direct form for a constant input equal to the first sample (unit static gain).
+    // Steady state of the transposed direct form for a constant input equal to the first sample (unit static
+    // gain).
     double z1 = (1.0 - s.b0) * x[0];
     double z2 = (s.b2 - s.a2) * x[0];
     for (Eigen::Index i = 0; i < size; ++i) {
@@ -45,7 +46,8 @@ void ZeroPhaseButterworth::run(double* x, Eigen::Index size) const noexcept {
 void ZeroPhaseButterworth::apply(Eigen::Ref<Eigen::MatrixXd> x) const {
   const Eigen::Index n = x.rows();
   if (n == 0) return;
-  // Two periods of the cut-off: by then the slowest pole has decayed by exp(-2 pi 0.38 2) < 1 %, of an odd extension.
+  // Two periods of the cut-off: by then the slowest pole has decayed by exp(-2 pi 0.38 2) < 1 %, of an odd
+  // extension.
   const Eigen::Index pad = std::min(n - 1, static_cast<Eigen::Index>(std::ceil(2.0 * rate_ / cutoff_)));
   Eigen::VectorXd work(n + 2 * pad);
   for (Eigen::Index c = 0; c < x.cols(); ++c) {
@@ -109,7 +111,8 @@ Eigen::MatrixXd differentiate(const Eigen::MatrixXd& x, double rate) {
   return d;
 }
 
-Eigen::VectorXd interpolate(const Eigen::Ref<const Eigen::VectorXd>& t, const Eigen::Ref<const Eigen::VectorXd>& x,
+Eigen::VectorXd interpolate(const Eigen::Ref<const Eigen::VectorXd>& t,
+                            const Eigen::Ref<const Eigen::VectorXd>& x,
                             const Eigen::Ref<const Eigen::VectorXd>& grid) {
   const Eigen::Index n = t.size();
   const auto slope = [&](Eigen::Index i) {

@@ -50,7 +50,8 @@ std::vector<Eigen::Index> fresh_rows(const Log& log) {
   return rows;
 }
 
-Eigen::VectorXd pick(const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Index* rows, Eigen::Index count) {
+Eigen::VectorXd pick(const Eigen::Ref<const Eigen::VectorXd>& x, const Eigen::Index* rows,
+                     Eigen::Index count) {
   Eigen::VectorXd out(count);
   for (Eigen::Index i = 0; i < count; ++i) out[i] = x[rows[i]];
   return out;
@@ -74,12 +75,14 @@ Interval fresh_interval(const Log& log) {
                 " samples that differ from one another: at least 16 are needed");
   std::vector<double> steps;
   steps.reserve(out.rows.size());
-  for (std::size_t i = 1; i < out.rows.size(); ++i) steps.push_back(log.t[out.rows[i]] - log.t[out.rows[i - 1]]);
+  for (std::size_t i = 1; i < out.rows.size(); ++i)
+    steps.push_back(log.t[out.rows[i]] - log.t[out.rows[i - 1]]);
   out.rate = 1.0 / median(std::move(steps));
   return out;
 }
 
-/// Delay d with dq(t) = v(t - d), v the derivative of q, pooled over joints by energy; and its spread over joints.
+/// Delay d with dq(t) = v(t - d), v the derivative of q, pooled over joints by energy; and its spread over
+/// joints.
 struct Lag {
   double value = 0.0;
   double error = 0.0;
@@ -123,8 +126,10 @@ bool velocity_is_quieter(const Log& log, const Interval& in, double cutoff) {
   const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], in.rate);
   int votes = 0;
   for (int j = 0; j < log.joints(); ++j) {
-    const Spectrum p = welch(interpolate(t, pick(log.q.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
-    const Spectrum v = welch(interpolate(t, pick(log.dq.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    const Spectrum p =
+        welch(interpolate(t, pick(log.q.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    const Spectrum v =
+        welch(interpolate(t, pick(log.dq.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
     double from_position = 0.0, from_velocity = 0.0;
     for (Eigen::Index k = 0; k < p.frequency.size(); ++k) {
       const double f = p.frequency[k], w2 = f * f;
@@ -140,7 +145,10 @@ bool velocity_is_quieter(const Log& log, const Interval& in, double cutoff) {
 void check_timing(const Log& log, const Interval& in, DataReport& report) {
   const auto dropped = double(log.samples()) - double(in.rows.size());
   if (dropped > 0)
-    report.issues.push_back({"repeated_rows", {}, dropped / double(log.samples()), "1",
+    report.issues.push_back({"repeated_rows",
+                             {},
+                             dropped / double(log.samples()),
+                             "1",
                              sentence({"", " % of the rows repeat the one before; dropped"},
                                       {100.0 * dropped / double(log.samples())})});
   double sum = 0.0, longest = 0.0;
@@ -157,13 +165,21 @@ void check_timing(const Log& log, const Interval& in, DataReport& report) {
   }
   const double jitter = std::sqrt(sum / double(std::max(regular, 1L)));
   if (jitter * in.rate > 0.02)
-    report.issues.push_back({"jitter", {}, jitter, "s",
-                             sentence({"intervals of ", " ms scatter by ", " ms; resampled"},
-                                      {1e3 / in.rate, 1e3 * jitter})});
+    report.issues.push_back(
+        {"jitter",
+         {},
+         jitter,
+         "s",
+         sentence({"intervals of ", " ms scatter by ", " ms; resampled"}, {1e3 / in.rate, 1e3 * jitter})});
   if (gaps > 0)
-    report.issues.push_back({"gaps", {}, longest, "s",
-                             sentence({"", " intervals are longer than three samples, the longest ", " ms; bridged, or cut "
-                                       "where the filter could not bridge them"}, {double(gaps), 1e3 * longest})});
+    report.issues.push_back({"gaps",
+                             {},
+                             longest,
+                             "s",
+                             sentence({"", " intervals are longer than three samples, the longest ",
+                                       " ms; bridged, or cut "
+                                       "where the filter could not bridge them"},
+                                      {double(gaps), 1e3 * longest})});
 }
 
 void check_channels(const Log& log, const Interval& in, DataReport& report) {
@@ -185,7 +201,8 @@ void check_channels(const Log& log, const Interval& in, DataReport& report) {
         if (longest >= 10) saturated.push_back(j + 1);
       }
     }
-    // Quantised: nearly all steps are whole multiples of the smallest one, and it is not mere printing precision.
+    // Quantised: nearly all steps are whole multiples of the smallest one, and it is not mere printing
+    // precision.
     std::vector<double> steps;
     for (Eigen::Index i = 1; i < count; ++i) {
       const double step = std::abs(log.q(in.rows[static_cast<std::size_t>(i)], j) -
@@ -223,7 +240,8 @@ double choose_cutoff(const Log& log) {
   double quickest = 0.0;
   for (int j = 0; j < log.joints(); ++j) {
     const auto& channel = from_velocity ? log.dq : log.q;
-    Spectrum s = welch(interpolate(t, pick(channel.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
+    Spectrum s =
+        welch(interpolate(t, pick(channel.col(j), in.rows.data(), count), grid), in.rate, spectrum_window);
     if (!from_velocity) s.density.array() *= s.frequency.array().square();
     const double total = s.density.sum();
     double part = 0.0;
@@ -268,9 +286,10 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
       if (options.mend_velocity_lag) out.velocity_lag = lag.value;
       out.report.issues.push_back(
           {"velocity_lag", all, lag.value, "s",
-           sentence({"the logged dq comes ", options.mend_velocity_lag ? " ms after the derivative of q; realigned"
-                                                                       : " ms after the derivative of q"},
-                    {1e3 * lag.value})});
+           sentence(
+               {"the logged dq comes ", options.mend_velocity_lag ? " ms after the derivative of q; realigned"
+                                                                  : " ms after the derivative of q"},
+               {1e3 * lag.value})});
     }
   }
   out.motion = options.source;
@@ -278,11 +297,13 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   if (out.motion == MotionSource::automatic)
     out.motion = velocity_is_quieter(log, in, out.cutoff) ? MotionSource::velocity : MotionSource::position;
 
-  // The grid is fine enough for cubic interpolation between slow samples, and is thinned to about 25 x the cut-off.
+  // The grid is fine enough for cubic interpolation between slow samples, and is thinned to about 25 x the
+  // cut-off.
   const double up = std::max(1.0, std::ceil(10.0 * out.cutoff / in.rate));
   const double fine = in.rate * up;
-  const auto stride =
-      options.thin ? std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(fine / (25.0 * out.cutoff)))) : 1;
+  const auto stride = options.thin ? std::max<Eigen::Index>(
+                                         1, static_cast<Eigen::Index>(std::floor(fine / (25.0 * out.cutoff))))
+                                   : 1;
   const double rate = fine / double(stride);
   const ZeroPhaseButterworth band(out.cutoff, fine);
   const double longest_bridge = std::max(5.0 / in.rate, 0.25 / out.cutoff);
@@ -306,7 +327,8 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
     const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], fine);
     const Eigen::Index size = (grid.size() - 1) / stride + 1;
     const auto thin = [&](const Eigen::MatrixXd& x) -> Eigen::VectorXd {
-      return Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(x.data(), size, Eigen::InnerStride<>(stride));
+      return Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(x.data(), size,
+                                                                        Eigen::InnerStride<>(stride));
     };
     Segment s;
     s.rate = rate;
@@ -333,13 +355,17 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   }
   if (out.segments.empty()) {
     std::ostringstream text;
-    text << log.source << ": no stretch without gaps is longer than " << shortest_segment << " s, which a cut-off of "
-         << out.cutoff << " Hz needs";
+    text << log.source << ": no stretch without gaps is longer than " << shortest_segment
+         << " s, which a cut-off of " << out.cutoff << " Hz needs";
     throw Error(text.str());
   }
   if (dropped > 0.0)
-    out.report.issues.push_back({"short_segments", {}, dropped, "s",
-                                 sentence({"", " s stand between gaps and are too short to filter; dropped"}, {dropped})});
+    out.report.issues.push_back(
+        {"short_segments",
+         {},
+         dropped,
+         "s",
+         sentence({"", " s stand between gaps and are too short to filter; dropped"}, {dropped})});
   return out;
 }
 

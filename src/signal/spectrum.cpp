@@ -17,7 +17,8 @@ Spectrum welch(const Eigen::Ref<const Eigen::VectorXd>& x, double rate, double w
   // An even length of small prime factors keeps the transform quick.
   Eigen::Index size = 8;
   while (2 * size <= std::min<Eigen::Index>(x.size(), static_cast<Eigen::Index>(window * rate))) size *= 2;
-  const Eigen::ArrayXd phase = Eigen::ArrayXd::LinSpaced(size, 0.0, 2.0 * M_PI * double(size - 1) / double(size));
+  const Eigen::ArrayXd phase =
+      Eigen::ArrayXd::LinSpaced(size, 0.0, 2.0 * M_PI * double(size - 1) / double(size));
   const Eigen::VectorXd hann = (0.5 - 0.5 * phase.cos()).matrix();
 
   const Eigen::Index bins = size / 2 + 1;
@@ -30,7 +31,8 @@ Spectrum welch(const Eigen::Ref<const Eigen::VectorXd>& x, double rate, double w
   int blocks = 0;
   for (Eigen::Index start = 0; start + size <= x.size(); start += size / 2, ++blocks) {
     const auto part = x.segment(start, size);
-    Eigen::Map<Eigen::VectorXd>(block.data(), size) = (part.array() - part.mean()).matrix().cwiseProduct(hann);
+    Eigen::Map<Eigen::VectorXd>(block.data(), size) =
+        (part.array() - part.mean()).matrix().cwiseProduct(hann);
     fft.fwd(bin, block);
     for (Eigen::Index k = 0; k < bins; ++k) s.density[k] += std::norm(bin[static_cast<std::size_t>(k)]);
   }

@@ -139,7 +139,8 @@ Table read_table(const std::string& path) {
     if (!reader.error.empty()) throw Error(reader.error);
   }
   if (file.bad()) throw Error(path + ": cannot be read: " + std::strerror(errno));
-  if (reader.header) throw Error(path + ": the file is empty: a header line that names the columns is expected");
+  if (reader.header)
+    throw Error(path + ": the file is empty: a header line that names the columns is expected");
   if (reader.table.lines.empty()) throw Error(path + ": no row of numbers follows the header");
 
   Table& table = reader.table;

@@ -15,7 +15,8 @@ struct FrictionFit {
 };
 
 /// Eq. (24) by least squares. `dq` [rad/s] and `difference` [N m]: N samples each; `velocity_scale` as in
-/// LinearFriction. Throws Error when N < 3, sizes differ, a value is not finite or the velocities do not determine it.
+/// LinearFriction. Throws Error when N < 3, sizes differ, a value is not finite or the velocities do not
+/// determine it.
 FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
                                 double velocity_scale = 0.0);
 
@@ -23,9 +24,9 @@ FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd
 FrictionFit fit_sigmoid_friction_nelder_mead(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
                                              const SigmoidFriction& start);
 
-/// Eq. (25) from no start at all: phi1 is solved for (the law is linear in it), (phi2, phi3) is scanned on a grid over
-/// the velocities seen, and the best cells are refined by Levenberg-Marquardt with exact derivatives. At least as low as
-/// the optimum that Nelder-Mead reaches from any start.
+/// Eq. (25) from no start at all: phi1 is solved for (the law is linear in it), (phi2, phi3) is scanned on a
+/// grid over the velocities seen, and the best cells are refined by Levenberg-Marquardt with exact
+/// derivatives. At least as low as the optimum that Nelder-Mead reaches from any start.
 FrictionFit fit_sigmoid_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference);
 
 /// Which law predicts samples that it was not fitted on, [N m] rms over `folds` contiguous blocks.

@@ -27,17 +27,21 @@ struct IdentifyOptions {
   bool rotor_inertia = false;
   Method method = Method::ols;
   double velocity_scale = 0.02;  ///< v_s [rad/s] of the smoothed sign in eq. (24); 0: the exact sign
-  double prune_percent = 30.0;   ///< coefficients whose standard deviation is above it are dropped; 0: none
+  /// Coefficients whose standard deviation by the textbook formula, every sample counted as independent, is
+  /// above this many per cent (the letter's rule) and which are below sqrt(2) honest standard deviations are
+  /// dropped one by one, the worst first; 0: none.
+  double prune_percent = 30.0;
   /// Called with what is being done and how far it is, 0..1.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
 /// How well a model predicts rows: torque low-passed at the cut-off, as the fit sees it.
 struct FitQuality {
-  std::string source;                   ///< which rows
-  Eigen::Index rows = 0;                ///< a joint
-  Eigen::VectorXd rmse;                 ///< n [N m]
-  double relative_error_percent = 0.0;  ///< 100 |s - Y pi| / |s| over all joints (eq. (84) of Sousa and Cortesao 2014)
+  std::string source;     ///< which rows
+  Eigen::Index rows = 0;  ///< a joint
+  Eigen::VectorXd rmse;   ///< n [N m]
+  double relative_error_percent =
+      0.0;  ///< 100 |s - Y pi| / |s| over all joints (eq. (84) of Sousa and Cortesao 2014)
 };
 
 /// Held-out error of both friction laws on one joint [N m rms], where `--friction sigmoid` made the choice.
@@ -48,13 +52,14 @@ struct FrictionComparison {
 };
 
 struct Identification {
-  Robot robot;                            ///< with the parameters nearest the given ones that have the coefficients
-  BaseParameters base;                    ///< of the rigid body (and rotor inertia)
+  Robot robot;          ///< with the parameters nearest the given ones that have the coefficients
+  BaseParameters base;  ///< of the rigid body (and rotor inertia)
   std::vector<Coefficient> coefficients;  ///< rigid body, rotor inertia, then friction joint by joint
   Eigen::VectorXd values;                 ///< of the coefficients, 0 where dropped
-  Eigen::MatrixXd covariance;             ///< of the values kept, zeros elsewhere; correlated residuals honoured
-  int rank = 0;                           ///< columns identified, before pruning
-  double condition_number = 0.0;          ///< of the unweighted regressor with `rank` columns
+  Eigen::VectorXd variance;               ///< of the values, correlated residuals honoured; 0 where dropped
+  Eigen::MatrixXd covariance;     ///< of the rigid body's values (base.size() squared); zeros where dropped
+  int rank = 0;                   ///< columns identified, before pruning
+  double condition_number = 0.0;  ///< of the unweighted regressor with `rank` columns
   FitQuality fit;
   std::optional<FitQuality> validation;
   std::string validation_note;  ///< why there is no validation, if so
@@ -68,20 +73,20 @@ struct Identification {
 
 /// The classical route of Section III: tau = Y_R pi_R + friction over the logs, eqs. (5)-(9).
 ///
-/// Friction `linear` adds fv, fc, fo of eq. (24) to each joint. `sigmoid` offers each joint eq. (25) together with the
-/// viscous term and offset that the letter found negligible on its robot; a joint takes it when it predicts held-out
-/// blocks better than eq. (24). (phi2, phi3) are found by Levenberg-Marquardt on the whole problem, everything else
-/// being linear (variable projection).
+/// Friction `linear` adds fv, fc, fo of eq. (24) to each joint. `sigmoid` offers each joint eq. (25) together
+/// with the viscous term and offset that the letter found negligible on its robot; a joint takes it when it
+/// predicts held-out blocks better than eq. (24) by 2 % at least. As in Section IV-B it is fitted joint by
+/// joint to the differences that the rigid body leaves, so no other joint is touched by the choice.
 ///
-/// Standard deviations count independent rows only, see covariance(). `validation` logs are never fitted; without
-/// any, a second fit leaves out two of ten contiguous blocks of every log and is judged on them.
+/// Standard deviations count independent rows only, see covariance(). `validation` logs are never fitted;
+/// without any, a second fit leaves out two of ten contiguous blocks of every log and is judged on them.
 /// Throws Error: unusable logs, a number of joints other than the robot's, a motion that does not excite.
-Identification identify(const Robot& robot, const std::vector<Log>& logs, const std::vector<Log>& validation = {},
-                        const IdentifyOptions& options = {});
+Identification identify(const Robot& robot, const std::vector<Log>& logs,
+                        const std::vector<Log>& validation = {}, const IdentifyOptions& options = {});
 
-/// Section IV-B on top of a model from elsewhere (such as reverse engineering): the differences between the measured
-/// torques, low-passed, and the robot's torques without friction are fitted joint by joint. Returns the robot with
-/// the friction of `law`.
+/// Section IV-B on top of a model from elsewhere (such as reverse engineering): the differences between the
+/// measured torques, low-passed, and the robot's torques without friction are fitted joint by joint. Returns
+/// the robot with the friction of `law`.
 struct TwoStageFriction {
   Robot robot;
   FitQuality before, after;

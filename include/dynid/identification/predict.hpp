@@ -15,13 +15,14 @@ struct PredictedTorque {
   Eigen::MatrixXd tau_f;  ///< [N m] N x n: friction alone
 };
 
-/// Torques at given motions (N x n each; rad, rad/s, rad/s^2). Throws Error on sizes that do not match the robot.
+/// Torques at given motions (N x n each; rad, rad/s, rad/s^2). Throws Error on sizes that do not match the
+/// robot.
 PredictedTorque predict_torque(const Robot& robot, const Eigen::MatrixXd& q, const Eigen::MatrixXd& dq,
                                const Eigen::MatrixXd& ddq);
 
-/// Torques at the rows of a log. Where it has ddq, its q, dq and ddq are used as they stand; else the log is prepared
-/// (repeats, lag, filter at `cutoff` [Hz], 0: chosen; differentiation) and read off at its own stamps.
-/// Throws Error naming the log.
+/// Torques at the rows of a log. Where it has ddq, its q, dq and ddq are used as they stand; else the log is
+/// prepared (repeats, lag, filter at `cutoff` [Hz], 0: chosen; differentiation) and read off at its own
+/// stamps. Throws Error naming the log.
 PredictedTorque predict_torque(const Robot& robot, const Log& log, double cutoff = 0.0);
 
 }  // namespace dynid

@@ -12,26 +12,28 @@
 
 namespace dynid {
 
-/// A prepared log as regression rows: torque and every regressor column through the same zero-phase filter, then one row
-/// every 1 / (2.5 cut-off) s, since closer rows carry nothing new.
+/// A prepared log as regression rows: torque and every regressor column through the same zero-phase filter,
+/// then one row every 1 / (2.5 cut-off) s, since closer rows carry nothing new.
 class RegressionRows {
  public:
-  /// `base` names the columns of the rigid body (and rotor inertia). Runs on all cores; the result does not depend on
-  /// how many.
+  /// `base` names the columns of the rigid body (and rotor inertia). Runs on all cores; the result does not
+  /// depend on how many.
   RegressionRows(const Robot& robot, const BaseParameters& base, const PreparedLog& log);
 
-  Eigen::Index size() const noexcept { return tau_.rows(); }                                ///< N rows a joint
-  int joints() const noexcept { return static_cast<int>(tau_.cols()); }                     ///< n
-  const Eigen::VectorXd& t() const noexcept { return t_; }                                  ///< [s] N
-  const Eigen::MatrixXd& tau() const noexcept { return tau_; }                              ///< [N m] N x n
+  Eigen::Index size() const noexcept { return tau_.rows(); }             ///< N rows a joint
+  int joints() const noexcept { return static_cast<int>(tau_.cols()); }  ///< n
+  const Eigen::VectorXd& t() const noexcept { return t_; }               ///< [s] N
+  const Eigen::MatrixXd& tau() const noexcept { return tau_; }           ///< [N m] N x n
   /// Columns of joint j (from 0): N x base.size().
   const Eigen::MatrixXd& rigid(int j) const noexcept { return rigid_[static_cast<std::size_t>(j)]; }
   /// First row of each stretch without gaps, and, last, N.
   const std::vector<Eigen::Index>& parts() const noexcept { return parts_; }
-  /// Rows on either side that share data with a row.
+  /// Rows on either side, within two periods of the cut-off, that share data with a row (the kernel holds
+  /// less than 1 % beyond).
   Eigen::Index overlap() const noexcept { return overlap_; }
 
-  /// Columns of joint j made of its velocity [rad/s], filtered alike: `row(dq)` has `columns` entries; N x columns.
+  /// Columns of joint j made of its velocity [rad/s], filtered alike: `row(dq)` has `columns` entries; N x
+  /// columns.
   Eigen::MatrixXd velocity_columns(int j, int columns,
                                    const std::function<Eigen::RowVectorXd(double)>& row) const;
   /// Velocity of joint j [rad/s], filtered alike: N.

@@ -17,7 +17,8 @@ struct ModelSamples {
   Eigen::MatrixXd s;  ///< N x (n(n+1)/2 + n): lower triangle of M row by row, then g: eq. (17)
 };
 
-/// Reads `q1..qn, m11, m21, m22, m31, ..., g1..gn` (CSV). Throws Error as read_table(), or naming a missing column.
+/// Reads `q1..qn, m11, m21, m22, m31, ..., g1..gn` (CSV). Throws Error as read_table(), or naming a missing
+/// column.
 ModelSamples read_model_samples(const std::string& path, int joints);
 
 struct ReverseOptions {
@@ -33,15 +34,15 @@ struct ReverseIdentification {
   int rank = 0;
   double condition_number = 0.0;
   double relative_error_percent = 0.0;
-  Eigen::VectorXd rmse;          ///< n [N m]: gravity torques
-  Eigen::VectorXd rmse_inertia;  ///< n [kg m^2]: row j of the inertia matrix
+  Eigen::VectorXd rmse;                            ///< n [N m]: gravity torques
+  Eigen::VectorXd rmse_inertia;                    ///< n [kg m^2]: row j of the inertia matrix
   double validation_relative_error_percent = 0.0;  ///< on every fifth sample, left out of a second fit
   Eigen::VectorXd validation_rmse;                 ///< n [N m]
 };
 
-/// Section IV-A: the coefficients from M(q) and g(q), eqs. (17)-(21). The gravity row of joint 1 is left out when its
-/// axis is parallel to gravity, since it is then zero whatever the coefficients. Throws Error: too few samples, or
-/// configurations that do not determine every coefficient (they are named).
+/// Section IV-A: the coefficients from M(q) and g(q), eqs. (17)-(21). The gravity row of joint 1 is left out
+/// when its axis is parallel to gravity, since it is then zero whatever the coefficients. Throws Error: too
+/// few samples, or configurations that do not determine every coefficient (they are named).
 ReverseIdentification reverse_engineer(const Robot& robot, const ModelSamples& samples,
                                        const ReverseOptions& options = {});
 

@@ -19,7 +19,7 @@ struct Log {
   Eigen::MatrixXd theta;    ///< N x n, motor-side position [rad], optional
   Eigen::MatrixXd temp;     ///< N x n, temperature [deg C], optional
 
-  Eigen::Index samples() const noexcept { return q.rows(); }        ///< N
+  Eigen::Index samples() const noexcept { return q.rows(); }          ///< N
   int joints() const noexcept { return static_cast<int>(q.cols()); }  ///< n
 };
 
@@ -30,9 +30,10 @@ struct LogColumns {
   bool tau = true;
 };
 
-/// Reads a CSV log (CONTRACT: columns `t, q1..qn, dq1..dqn, tau1..taun` in any order, optional `ddq, tau_cmd, theta,
-/// temp`; others are ignored). `joints` is n, 0 to take it from the file. Throws Error naming file, line and column for
-/// everything that read_table() refuses, a missing column, a number of joints other than n, and time that goes back.
+/// Reads a CSV log (CONTRACT: columns `t, q1..qn, dq1..dqn, tau1..taun` in any order, optional `ddq, tau_cmd,
+/// theta, temp`; others are ignored). `joints` is n, 0 to take it from the file. Throws Error naming file,
+/// line and column for everything that read_table() refuses, a missing column, a number of joints other than
+/// n, and time that goes back.
 Log read_log(const std::string& path, int joints = 0, const LogColumns& required = {});
 
 }  // namespace dynid

@@ -11,7 +11,8 @@ namespace dynid {
 
 /// Something about the data that a person should know, found before anything is fitted.
 struct DataIssue {
-  std::string name;         ///< repeated_rows, jitter, gaps, short_segments, velocity_lag, quantisation, saturation, constant_channel
+  std::string name;  ///< repeated_rows, jitter, gaps, short_segments, velocity_lag, quantisation, saturation,
+                     ///< constant_channel
   std::vector<int> joints;  ///< from 1; empty when it concerns the whole log
   double value = 0.0;
   std::string unit;
@@ -43,12 +44,13 @@ struct PrepareOptions {
 
 /// A stretch of the log without gaps, on a uniform grid.
 struct Segment {
-  double rate = 0.0;        ///< [Hz], about 25 times the cut-off where the log allows it
-  Eigen::VectorXd t;        ///< [s] N
-  Eigen::MatrixXd q;        ///< N x n, low-passed at the cut-off
-  Eigen::MatrixXd dq;       ///< N x n
-  Eigen::MatrixXd ddq;      ///< N x n
-  Eigen::MatrixXd tau;      ///< N x n, only protected against aliasing: to be low-passed with the regressor's columns
+  double rate = 0.0;    ///< [Hz], about 25 times the cut-off where the log allows it
+  Eigen::VectorXd t;    ///< [s] N
+  Eigen::MatrixXd q;    ///< N x n, low-passed at the cut-off
+  Eigen::MatrixXd dq;   ///< N x n
+  Eigen::MatrixXd ddq;  ///< N x n
+  Eigen::MatrixXd
+      tau;  ///< N x n, only protected against aliasing: to be low-passed with the regressor's columns
 };
 
 /// A log ready for regression.
@@ -61,12 +63,13 @@ struct PreparedLog {
   std::vector<Segment> segments;
 };
 
-/// Ten times the frequency that holds 99 % of the velocity's energy on the quickest joint, at most a sixth of the
-/// sampling rate (above it, interpolation between samples is no longer to be trusted). [Hz]
+/// Ten times the frequency that holds 99 % of the velocity's energy on the quickest joint, at most a sixth of
+/// the sampling rate (above it, interpolation between samples is no longer to be trusted). [Hz]
 double choose_cutoff(const Log& log);
 
-/// Checks, mends, resamples, filters and differentiates one log: repeated rows dropped, gaps cut, dq realigned with q.
-/// Throws Error naming the log when too little of it is usable. Memory: the log's own size at most.
+/// Checks, mends, resamples, filters and differentiates one log: repeated rows dropped, gaps cut, dq
+/// realigned with q. Throws Error naming the log when too little of it is usable. Memory: the log's own size
+/// at most.
 PreparedLog prepare(const Log& log, const PrepareOptions& options = {});
 
 }  // namespace dynid

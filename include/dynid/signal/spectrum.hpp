@@ -11,8 +11,8 @@ struct Spectrum {
   Eigen::VectorXd density;    ///< [unit^2 / Hz]
 };
 
-/// Welch's estimate for uniform samples `x` at `rate` [Hz]: Hann windows of about `window` [s], half overlapping, each
-/// without its mean. Throws Error below 8 samples.
+/// Welch's estimate for uniform samples `x` at `rate` [Hz]: Hann windows of about `window` [s], half
+/// overlapping, each without its mean. Throws Error below 8 samples.
 Spectrum welch(const Eigen::Ref<const Eigen::VectorXd>& x, double rate, double window);
 
 }  // namespace dynid

@@ -23,14 +23,15 @@ struct Table {
   int count(const std::string& prefix) const noexcept;
 };
 
-/// Reads a CSV file; lines that start with `#` and blank lines are skipped. Throws Error naming file, line and column:
-/// unreadable or empty file, no header, a column named twice, a row with too few or too many fields, text where a
-/// number should be, a number that is not finite, no row at all.
+/// Reads a CSV file; lines that start with `#` and blank lines are skipped. Throws Error naming file, line
+/// and column: unreadable or empty file, no header, a column named twice, a row with too few or too many
+/// fields, text where a number should be, a number that is not finite, no row at all.
 Table read_table(const std::string& path);
 
-/// Writes `values` (rows x names.size()) as CSV, whole or not at all, each number in the shortest form that reads back
-/// to the same double. Throws Error.
-void write_table(const std::string& path, const std::vector<std::string>& names, const Eigen::MatrixXd& values);
+/// Writes `values` (rows x names.size()) as CSV, whole or not at all, each number in the shortest form that
+/// reads back to the same double. Throws Error.
+void write_table(const std::string& path, const std::vector<std::string>& names,
+                 const Eigen::MatrixXd& values);
 
 /// `prefix1 .. prefixn`, the column names of a quantity over joints.
 std::vector<std::string> column_names(const std::string& prefix, int n);

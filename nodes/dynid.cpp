@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The command line: one file a subcommand under dynid/.
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <iostream>
+#include <string>
+
+#include "dynid/command.hpp"
+#include "dynid/commands.hpp"
+#include "dynid/error.hpp"
+
+namespace {
+
+constexpr int bad_usage = 2;
+
+/// One line, whatever a library put into its message.
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"dynid: the dynamics of a robot arm, identified", "dynid"};
+  app.set_version_flag("--version", DYNID_VERSION);
+  app.require_subcommand(1);
+  app.footer("Run 'dynid COMMAND --help' for the options of a command and an example.");
+  int status = 0;
+  dynid::add_commands(app, status);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& request) {  // --help, --version
+    return app.exit(request);
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "dynid: " << one_line(error.what()) << " (see --help)\n";
+    return bad_usage;
+  } catch (const dynid::Error& error) {
+    std::cerr << "dynid: " << one_line(error.what()) << "\n";
+    return bad_usage;
+  } catch (const std::exception& error) {
+    std::cerr << "dynid: " << one_line(error.what()) << "\n";
+    return bad_usage;
+  }
+  return status;
+}

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/command.hpp"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <iomanip>
+#include <iostream>
+#include <sstream>
+
+#include "dynid/error.hpp"
+#include "dynid/file.hpp"
+
+namespace dynid {
+
+void Output::add_to(CLI::App& command) {
+  command.add_option("--json", json, "Write the result as JSON to FILE, - for standard output")
+      ->type_name("FILE");
+  command.add_flag("--quiet", quiet, "No summary and no progress");
+}
+
+void Output::check(const std::vector<std::string>& files) const {
+  if (!json.empty() && json != "-") check_writable(json);
+  for (const std::string& file : files)
+    if (!file.empty()) check_writable(file);
+}
+
+void Output::write(const nlohmann::json& result) const {
+  if (json.empty()) return;
+  const std::string text = result.dump(2) + "\n";
+  if (json == "-") {
+    std::cout << text;
+  } else {
+    write_file(json, text);
+  }
+}
+
+void RobotOption::add_to(CLI::App& command, const std::string& name, bool required) {
+  CLI::Option* option = command.add_option(name, path, "URDF or YAML model")->type_name("FILE");
+  if (required) option->required();
+  command.add_option("--base", base, "Base link, where a URDF branches")->type_name("LINK");
+  command.add_option("--tip", tip, "Tip link, where a URDF branches")->type_name("LINK");
+  command.add_flag("--allow-inconsistent", allow_inconsistent,
+                   "Warn of links that no body could have (eqs. (11), (16)) instead of refusing them");
+}
+
+ModelFile RobotOption::read(const Output& output) const {
+  std::vector<Inconsistency> broken;
+  ModelFile model =
+      read_model_file(path, base, tip, allow_inconsistent ? Consistency::warn : Consistency::refuse, &broken);
+  if (!output.quiet)
+    for (const Inconsistency& rule : broken)
+      std::cerr << "dynid: warning: " << path << ": link '" << rule.link << "' (joint " << rule.joint
+                << "): " << rule.rule << ", margin " << rule.margin << "\n";
+  return model;
+}
+
+Progress::Progress(const Output& output) : enabled_(!output.quiet && isatty(STDERR_FILENO) != 0) {}
+
+Progress::~Progress() {
+  if (shown_) std::cerr << "\r\033[K" << std::flush;
+}
+
+void Progress::operator()(const std::string& stage, double fraction) {
+  const Clock::time_point now = Clock::now();
+  if (!enabled_ || now - start_ < std::chrono::seconds(1) || now - last_ < std::chrono::milliseconds(100))
+    return;
+  last_ = now;
+  shown_ = true;
+  std::cerr << "\r\033[K" << stage << " " << std::lround(100.0 * fraction) << " %" << std::flush;
+}
+
+nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x) {
+  return std::vector<double>(x.data(), x.data() + x.size());
+}
+
+nlohmann::json to_json(const std::vector<Coefficient>& coefficients) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Coefficient& c : coefficients)
+    list.push_back({{"name", c.name},
+                    {"expression", c.expression},
+                    {"value", c.value},
+                    {"std_percent", c.std_percent},
+                    {"kept", c.kept}});
+  return list;
+}
+
+nlohmann::json to_json(const std::vector<PreparedLog>& logs) {
+  nlohmann::json issues = nlohmann::json::array();
+  Eigen::Index samples = 0;
+  for (const PreparedLog& log : logs) {
+    samples += log.report.samples;
+    for (const DataIssue& issue : log.report.issues)
+      issues.push_back({{"name", issue.name},
+                        {"joints", issue.joints},
+                        {"value", issue.value},
+                        {"unit", issue.unit},
+                        {"text", issue.text},
+                        {"log", log.source}});
+  }
+  return {{"samples", samples}, {"rate_hz", logs.front().report.rate_hz}, {"issues", issues}};
+}
+
+void print(std::ostream& out, const std::vector<Coefficient>& coefficients) {
+  std::size_t width = 11;
+  for (const Coefficient& c : coefficients) width = std::max(width, c.name.size());
+  out << "  " << std::left << std::setw(static_cast<int>(width)) << "coefficient" << std::right
+      << std::setw(13) << "value" << std::setw(10) << "std %"
+      << "  groups\n";
+  for (const Coefficient& c : coefficients) {
+    char numbers[64];
+    std::snprintf(numbers, sizeof numbers, "%13.6g%10.3g", c.value, c.std_percent);
+    out << "  " << std::left << std::setw(static_cast<int>(width)) << c.name << std::right << numbers
+        << (c.kept ? "  " : "  (dropped) ") << (c.expression == c.name ? "" : c.expression) << "\n";
+  }
+}
+
+std::string in_a_row(const Eigen::Ref<const Eigen::VectorXd>& x, int digits) {
+  std::ostringstream text;
+  text << std::setprecision(digits);
+  for (Eigen::Index i = 0; i < x.size(); ++i) text << (i > 0 ? "  " : "") << x[i];
+  return text.str();
+}
+
+}  // namespace dynid

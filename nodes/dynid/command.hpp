@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <Eigen/Core>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "dynid/model/coefficient.hpp"
+#include "dynid/model/robot_file.hpp"
+#include "dynid/signal/prepare.hpp"
+
+namespace dynid {
+
+/// What every command takes, and how it answers.
+struct Output {
+  std::string json;    ///< file, `-` for standard output, empty for none
+  bool quiet = false;  ///< no summary, no progress
+
+  void add_to(CLI::App& command);
+  /// Throws Error when the JSON file, or one of `files`, could not be written: before any work is done.
+  void check(const std::vector<std::string>& files = {}) const;
+  /// A readable summary is wanted: not with --quiet, nor where standard output carries the JSON.
+  bool summary() const { return !quiet && json != "-"; }
+  void write(const nlohmann::json& result) const;
+};
+
+/// A robot from `--robot` (or `--model`), with `--base` and `--tip`.
+struct RobotOption {
+  std::string path, base, tip;
+  bool allow_inconsistent = false;
+
+  void add_to(CLI::App& command, const std::string& name = "--robot", bool required = true);
+  /// Reads it; broken rules of eqs. (11) and (16) are warned of on standard error when they are allowed.
+  ModelFile read(const Output& output) const;
+};
+
+/// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere.
+class Progress {
+ public:
+  explicit Progress(const Output& output);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void operator()(const std::string& stage, double fraction);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool enabled_;
+  bool shown_ = false;
+  Clock::time_point start_ = Clock::now(), last_ = start_;
+};
+
+/// Seconds since the program started working on a command.
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+};
+
+nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x);
+nlohmann::json to_json(const std::vector<Coefficient>& coefficients);
+/// `{"samples", "rate_hz", "issues": [{"name", "joints", "value", "unit", "text", "log"}]}` of all logs
+/// together.
+nlohmann::json to_json(const std::vector<PreparedLog>& logs);
+
+/// A table of coefficients for people.
+void print(std::ostream& out, const std::vector<Coefficient>& coefficients);
+/// Numbers over joints, in a row.
+std::string in_a_row(const Eigen::Ref<const Eigen::VectorXd>& x, int digits = 4);
+
+}  // namespace dynid

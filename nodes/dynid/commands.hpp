@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace dynid {
+
+// Each adds its subcommand to `app`; what it runs sets `status`, the program's exit status, or throws Error.
+void add_info(CLI::App& app, int& status);
+void add_identify(CLI::App& app, int& status);
+void add_reverse(CLI::App& app, int& status);
+void add_torque(CLI::App& app, int& status);
+void add_export(CLI::App& app, int& status);
+void add_demo(CLI::App& app, int& status);
+
+/// All of them, in the order of the help.
+inline void add_commands(CLI::App& app, int& status) {
+  add_info(app, status);
+  add_identify(app, status);
+  add_reverse(app, status);
+  add_torque(app, status);
+  add_export(app, status);
+  add_demo(app, status);
+}
+
+}  // namespace dynid
