@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program from outside: exit status, one line of error, nothing half-written.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "../identification/synthetic.hpp"
+#include "dynid/file.hpp"
+#include "dynid/model/urdf.hpp"
+#include "dynid/signal/table.hpp"
+
+namespace dynid {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CommandLine : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(::testing::TempDir()) / (std::string("dynid_cli_") + info->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  static std::string panda() { return std::string(DYNID_SOURCE_DIR) + "/config/panda.yaml"; }
+
+  /// Runs `dynid arguments`; standard output and error are kept.
+  int run(const std::string& arguments) {
+    const std::string command =
+        std::string(DYNID_PROGRAM) + " " + arguments + " >" + path("stdout") + " 2>" + path("stderr");
+    const int status = std::system(command.c_str());
+    out_ = read_file(path("stdout"));
+    error_ = read_file(path("stderr"));
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  /// Exit 2, one line on standard error that holds `part`, and no file `out` left behind.
+  void expect_refused(const std::string& arguments, const std::string& part) {
+    EXPECT_EQ(run(arguments + " --out " + path("out.yaml")), 2) << arguments;
+    EXPECT_NE(error_.find(part), std::string::npos) << arguments << "\n" << error_;
+    EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
+    EXPECT_FALSE(fs::exists(path("out.yaml"))) << arguments;
+    for (const auto& entry : fs::directory_iterator(folder_))
+      EXPECT_EQ(entry.path().string().find("out.yaml"), std::string::npos) << entry.path();
+  }
+
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(path(name), std::ios::binary) << text;
+    return path(name);
+  }
+
+  /// A log of the Panda with linear friction, as CSV.
+  std::string log_file(const std::string& name = "log.csv", double duration = 20.0) const {
+    const Log log = test::synthetic_log(test::with_linear_friction(test::panda()), 1, duration, 100.0, 0.01);
+    std::vector<std::string> names = {"t"};
+    for (const char* prefix : {"q", "dq", "tau"})
+      for (const std::string& column : column_names(prefix, 7)) names.push_back(column);
+    Eigen::MatrixXd values(log.samples(), 22);
+    values << log.t, log.q, log.dq, log.tau;
+    write_table(path(name), names, values);
+    return path(name);
+  }
+
+  fs::path folder_;
+  std::string out_, error_;
+};
+
+TEST_F(CommandLine, HelpHasAnExampleForEveryCommand) {
+  EXPECT_EQ(run("--help"), 0);
+  for (const char* command : {"info", "identify", "reverse", "torque", "export"}) {
+    EXPECT_NE(out_.find(command), std::string::npos);
+  }
+  for (const char* command : {"info", "identify", "reverse", "torque", "export"}) {
+    EXPECT_EQ(run(std::string(command) + " --help"), 0);
+    EXPECT_NE(out_.find("Example: dynid "), std::string::npos) << command;
+  }
+}
+
+TEST_F(CommandLine, BadUsageIsOneLineAndTwo) {
+  for (const char* arguments : {"", "nonsense", "identify", "identify --robot", "info --robot a --model b",
+                                "reverse --robot x --samples y --prune -1", "info --robot /no/such.yaml"}) {
+    EXPECT_EQ(run(arguments), 2) << arguments;
+    EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
+  }
+}
+
+TEST_F(CommandLine, IdentifyWritesAModelThatTorquePredictsWith) {
+  const std::string log = log_file();
+  ASSERT_EQ(run("identify --robot " + panda() + " --log " + log + " --cutoff 10 --out " + path("m.yaml") +
+                " --json " + path("i.json")),
+            0)
+      << error_;
+  EXPECT_NE(out_.find("Identified 64 coefficients"), std::string::npos) << out_;
+  const auto json = nlohmann::json::parse(read_file(path("i.json")));
+  EXPECT_EQ(json["rank"], 64);
+  EXPECT_EQ(json["rmse"].size(), 7u);
+  EXPECT_EQ(json["validation"]["rmse"].size(), 7u);
+  EXPECT_EQ(json["coefficients"].size(), 64u);
+  EXPECT_EQ(json["coefficients"][0]["name"], "zz1");
+  EXPECT_EQ(json["coefficients"][0]["expression"], "yy2 + zz1");
+  EXPECT_TRUE(json["data"]["issues"].is_array());
+
+  ASSERT_EQ(run("torque --quiet --model " + path("m.yaml") + " --log " + log + " --out " + path("t.csv")), 0)
+      << error_;
+  EXPECT_EQ(out_, "");
+  const Table predicted = read_table(path("t.csv")), measured = read_table(log);
+  ASSERT_EQ(predicted.values.rows(), measured.values.rows());
+  EXPECT_EQ(predicted.names.front(), "t");
+  const Eigen::MatrixXd e = predicted.group("tau", 7, true) - measured.group("tau", 7, true);
+  EXPECT_LT(std::sqrt(e.middleRows(200, 1500).squaredNorm() / (1500.0 * 7.0)), 0.1);
+}
+
+TEST_F(CommandLine, JsonOnStandardOutputIsAloneThere) {
+  ASSERT_EQ(run("info --robot " + panda() + " --json -"), 0);
+  const auto json = nlohmann::json::parse(out_);
+  EXPECT_EQ(json["rank"], 43);
+  EXPECT_EQ(json["joints"].size(), 7u);
+  EXPECT_EQ(json["standard_parameters"].size(), 70u);
+}
+
+TEST_F(CommandLine, ExportedUrdfIsTheSameRobot) {
+  ASSERT_EQ(run("export --model " + panda() + " --format urdf --out " + path("p.urdf")), 0) << error_;
+  EXPECT_NE(out_.find("not expressed"), std::string::npos) << "eq. (25) has no place in a URDF: " << out_;
+  const Robot urdf = read_urdf(path("p.urdf"));
+  EXPECT_LT((urdf.parameters() - test::panda().parameters()).cwiseAbs().maxCoeff(), 1e-12);
+  ASSERT_EQ(run("export --model " + panda() + " --format yaml --out " + path("p.yaml")), 0) << error_;
+  EXPECT_LT(
+      (read_model(path("p.yaml")).robot.parameters() - test::panda().parameters()).cwiseAbs().maxCoeff(),
+      1e-14);
+}
+
+TEST_F(CommandLine, BadLogsAreRefusedByFileLineAndColumn) {
+  const std::string good = read_file(log_file());
+  const std::string identify = "identify --robot " + panda() + " --log ";
+  const auto replaced = [&](const std::string& from, const std::string& to) {
+    std::string text = good;
+    text.replace(text.find(from), from.size(), to);
+    return text;
+  };
+  std::istringstream lines(good);
+  std::string header, first, second, third;
+  for (std::string* line : {&header, &first, &second, &third}) std::getline(lines, *line);
+
+  expect_refused(identify + write("column.csv", replaced("tau3", "other")),
+                 "column.csv: column tau3 is missing");
+  expect_refused(
+      identify + write("text.csv", header + "\n" + first + "\nabc" + second.substr(second.find(','))),
+      "text.csv:3: column t: 'abc' is not a number");
+  expect_refused(identify + write("nan.csv", header + "\n" + first.substr(0, first.rfind(',')) + ",nan\n"),
+                 "nan.csv:2: column tau7: nan is not finite");
+  expect_refused(identify + write("back.csv", header + "\n" + second + "\n" + first + "\n"),
+                 "back.csv:3: column t: time goes back");
+  expect_refused(identify + write("empty.csv", ""), "empty.csv: the file is empty");
+  expect_refused(identify + write("cut.csv", good.substr(0, good.size() - 40)), "the row has");
+  expect_refused(identify + path("absent.csv"), "absent.csv: cannot be read");
+  expect_refused(
+      identify + write("six.csv",
+                       "t,q1,q2,q3,q4,q5,q6,dq1,dq2,dq3,dq4,dq5,dq6,tau1,tau2,tau3,tau4,tau5,tau6\n"
+                       "0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"),
+      "the log has 6 joints (q1..q6), the robot has 7");
+}
+
+TEST_F(CommandLine, AMotionThatExcitesNothingSaysWhichCoefficients) {
+  std::string text = "t";
+  for (const char* prefix : {"q", "dq", "tau"})
+    for (const std::string& column : column_names(prefix, 7)) text += "," + column;
+  text += "\n";
+  for (int i = 0; i < 2000; ++i) {
+    text += std::to_string(0.01 * i);
+    for (int k = 0; k < 14; ++k) text += ",0.25";
+    for (int k = 0; k < 7; ++k) text += "," + std::to_string(k + 0.001 * (i % 7));
+    text += "\n";
+  }
+  expect_refused("identify --robot " + panda() + " --log " + write("still.csv", text), "does not excite zz1");
+}
+
+TEST_F(CommandLine, BadRobotsAreRefusedByLinkAndRule) {
+  const std::string log = " --log " + log_file("log.csv", 2.0);
+  std::string negative = read_file(panda());
+  const std::size_t mass = negative.find("mass: ", negative.find("panda_link3"));
+  negative.insert(mass + 6, "-");
+  expect_refused("identify --robot " + write("negative.yaml", negative) + log, "panda_link3");
+  const std::string joint =
+      R"(<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>)";
+  const std::string back =
+      R"(<joint name="k" type="revolute"><parent link="b"/><child link="a"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>)";
+  expect_refused("identify --robot " +
+                     write("loop.urdf", R"(<robot name="r"><link name="a"/><link name="b"/>)" + joint + back +
+                                            "</robot>") +
+                     log,
+                 "loop.urdf");
+  expect_refused(
+      "identify --tip nowhere --robot " +
+          write("tip.urdf", R"(<robot name="r"><link name="a"/><link name="b"/>)" + joint + "</robot>") + log,
+      "nowhere");
+}
+
+TEST_F(CommandLine, OutputThatCannotBeWrittenIsFoundBeforeTheWork) {
+  EXPECT_EQ(run("identify --robot " + panda() + " --log " + log_file() + " --out /no/such/folder/m.yaml"), 2);
+  EXPECT_NE(error_.find("/no/such/folder"), std::string::npos) << error_;
+  EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
+  EXPECT_EQ(run("info --robot " + panda() + " --json /no/such/folder/m.json"), 2);
+}
+
+TEST_F(CommandLine, AFailedRunLeavesTheOldFileAlone) {
+  write("out.yaml", "old");
+  EXPECT_EQ(
+      run("identify --robot " + panda() + " --log " + write("empty.csv", "") + " --out " + path("out.yaml")),
+      2);
+  EXPECT_EQ(read_file(path("out.yaml")), "old");
+}
+
+}  // namespace
+}  // namespace dynid
