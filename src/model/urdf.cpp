@@ -114,6 +114,10 @@ void list_inertia_not_expressed(const StandardParameters& p, const std::string& 
 void list_not_expressed(const Joint& joint, std::vector<std::string>& list) {
   const std::string prefix = "joint '" + joint.name + "': ";
   const SigmoidFriction& sigmoid = joint.friction.sigmoid;
+  if (joint.friction.linear.velocity_scale != 0.0 && joint.friction.linear.coulomb != 0.0) {
+    list.push_back(prefix + "smoothing of Coulomb friction below " +
+                   number(joint.friction.linear.velocity_scale) + " rad/s");
+  }
   if (joint.friction.linear.offset != 0.0) {
     list.push_back(prefix + "friction offset " + number(joint.friction.linear.offset) + " N m");
   }

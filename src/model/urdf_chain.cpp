@@ -142,7 +142,7 @@ class Reader {
   }
 
   urdf::LinkConstSharedPtr link(const std::string& link_name, const char* role) const {
-    const urdf::LinkConstSharedPtr found = model_->getLink(link_name);
+    urdf::LinkConstSharedPtr found = model_->getLink(link_name);
     if (!found) {
       throw Error(name_ + ": unknown " + role + " link '" + link_name +
                   "' (leaves: " + leaves(*model_->getRoot()) + ")");

@@ -26,14 +26,15 @@ constexpr const char* header =
 # com: centre of mass in the link frame. inertia: tensor about the centre of mass in the axes of the link frame.
 # first_moment, inertia_about_origin: mass x com, and the tensor about the frame's origin (where a mass is too small
 # for a centre of mass). friction: viscous dq + coulomb sign(dq) + offset
-# + phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)). gravity: in the base frame.
+# + phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), where sign(dq) is tanh(dq / velocity_scale) if
+# that is given. gravity: in the base frame.
 )";
 
 /// A node and where it stands, for errors.
 class Item {
  public:
-  Item(YAML::Node node, std::string path, const std::string& file)
-      : node_(std::move(node)), path_(std::move(path)), file_(&file), mark_(node_.Mark()) {}
+  Item(const YAML::Node& node, std::string path, const std::string& file)
+      : node_(node), path_(std::move(path)), file_(&file), mark_(node_.Mark()) {}
 
   [[noreturn]] void fail(const std::string& what) const {
     const std::string line = mark_.is_null() ? "" : ":" + std::to_string(mark_.line + 1);
@@ -102,7 +103,7 @@ class Item {
   }
 
   std::string name() const {
-    const std::string value = text();
+    std::string value = text();
     if (value.empty()) fail("expected a name, found an empty text");
     return value;
   }
@@ -209,7 +210,7 @@ JointLimits read_limits(const Item& item) {
 }
 
 JointFriction read_friction(const Item& item) {
-  item.expect_keys({"viscous", "coulomb", "offset", "phi1", "phi2", "phi3"});
+  item.expect_keys({"viscous", "coulomb", "offset", "velocity_scale", "phi1", "phi2", "phi3"});
   JointFriction friction;
   const auto read = [&](const char* key, double& value) {
     if (item.has(key)) value = item.at(key).number();
@@ -217,6 +218,9 @@ JointFriction read_friction(const Item& item) {
   read("viscous", friction.linear.viscous);
   read("coulomb", friction.linear.coulomb);
   read("offset", friction.linear.offset);
+  read("velocity_scale", friction.linear.velocity_scale);
+  if (friction.linear.velocity_scale < 0.0)
+    item.at("velocity_scale").fail("expected a number that is not negative");
   if (item.has("phi1") || item.has("phi2") || item.has("phi3")) {
     friction.sigmoid = {item.at("phi1").number(), item.at("phi2").number(), item.at("phi3").number()};
   }
@@ -386,6 +390,7 @@ void put_friction(YAML::Emitter& out, const JointFriction& friction) {
     put(out, "viscous", linear.viscous);
     put(out, "coulomb", linear.coulomb);
     put(out, "offset", linear.offset);
+    if (linear.velocity_scale != 0.0) put(out, "velocity_scale", linear.velocity_scale);
   }
   if (has_sigmoid) {
     put(out, "phi1", sigmoid.phi1);

@@ -365,10 +365,12 @@ TEST(Urdf, SaysWhatItCannotExpress) {
   robot.gravity = Eigen::Vector3d(0, 1, 0);
   robot.joints[0].rotor_inertia = 0.5;
   robot.joints[0].friction.linear.offset = 0.25;
+  robot.joints[0].friction.linear.velocity_scale = 0.125;
   robot.joints[1].friction.sigmoid = {1, 2, 3};
   robot.joints[1].limits.jerk = 100;
   robot.joints[1].parameters << 0, 1, 2, 3, 1, 0, 1, 0, 0, 1;
   const std::vector<std::string> expected = {
+      "joint 'joint1': smoothing of Coulomb friction below 0.125 rad/s",
       "joint 'joint1': friction offset 0.25 N m",
       "joint 'joint1': rotor inertia 0.5 kg m^2",
       "joint 'joint2': jerk limit 100",

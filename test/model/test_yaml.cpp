@@ -23,6 +23,7 @@ ModelFile random_model(Random& random) {
   model.robot = test::random_robot(random, 6);
   for (Joint& joint : model.robot.joints) {
     joint.friction.linear.offset = test::uniform(random, -1, 1);
+    joint.friction.linear.velocity_scale = test::uniform(random, 0, 0.1);
     joint.friction.sigmoid = {test::uniform(random, 0, 1), test::uniform(random, 1, 20),
                               test::uniform(random, -0.1, 0.1)};
     joint.rotor_inertia = test::uniform(random, 0, 0.1);
@@ -54,6 +55,7 @@ void expect_same_friction(const JointFriction& a, const JointFriction& b) {
   EXPECT_EQ(a.linear.viscous, b.linear.viscous);
   EXPECT_EQ(a.linear.coulomb, b.linear.coulomb);
   EXPECT_EQ(a.linear.offset, b.linear.offset);
+  EXPECT_EQ(a.linear.velocity_scale, b.linear.velocity_scale);
   EXPECT_EQ(a.sigmoid.phi1, b.sigmoid.phi1);
   EXPECT_EQ(a.sigmoid.phi2, b.sigmoid.phi2);
   EXPECT_EQ(a.sigmoid.phi3, b.sigmoid.phi3);
@@ -235,6 +237,8 @@ TEST(Yaml, BadFilesAreNamedByLineAndKey) {
       {"velocity: 2", "velocity: -2",
        "f:12: joints[1].limits.velocity: expected a positive number, found -2"},
       {"velocity: 2", "speed: 2", "f:12: joints[1].limits: unknown key 'speed'"},
+      {"viscous: 1", "velocity_scale: -1",
+       "f:24: joints[2].friction.velocity_scale: expected a number that is not negative"},
       {", phi3: 3", "", "f:24: joints[2].friction.phi3: missing"},
       {"name: j2", "name: j1", "f:16: joints[2].name: another joint is called 'j1'"},
       {"zz1, value: 1", "zz1, value: one",

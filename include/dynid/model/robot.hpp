@@ -26,13 +26,13 @@ struct ModifiedDh {
 
 /// Limits of one joint, rad (or m) and N m (or N); infinite where unknown.
 struct JointLimits {
-  double lower = -std::numeric_limits<double>::infinity();         ///< q_min
-  double upper = std::numeric_limits<double>::infinity();          ///< q_max
-  double velocity = std::numeric_limits<double>::infinity();       ///< |dq|
-  double acceleration = std::numeric_limits<double>::infinity();   ///< |ddq|
-  double jerk = std::numeric_limits<double>::infinity();           ///< |dddq|
-  double torque = std::numeric_limits<double>::infinity();         ///< |tau|
-  double torque_rate = std::numeric_limits<double>::infinity();    ///< |dtau/dt|
+  double lower = -std::numeric_limits<double>::infinity();        ///< q_min
+  double upper = std::numeric_limits<double>::infinity();         ///< q_max
+  double velocity = std::numeric_limits<double>::infinity();      ///< |dq|
+  double acceleration = std::numeric_limits<double>::infinity();  ///< |ddq|
+  double jerk = std::numeric_limits<double>::infinity();          ///< |dddq|
+  double torque = std::numeric_limits<double>::infinity();        ///< |tau|
+  double torque_rate = std::numeric_limits<double>::infinity();   ///< |dtau/dt|
 };
 
 /// One moving joint and the link that it carries.
@@ -43,29 +43,31 @@ struct Joint {
   std::string name;       ///< of the joint
   std::string link_name;  ///< of the link that the joint carries
   JointType type = JointType::revolute;
-  /// Link frame at q = 0, in the parent's link frame. (Eigen aligns it by the vector unit compiled for; alignas keeps
-  /// the layout one and the same in the library and in a program built with another -march.)
+  /// Link frame at q = 0, in the parent's link frame. (Eigen aligns it by the vector unit compiled for;
+  /// alignas keeps the layout one and the same in the library and in a program built with another -march.)
   alignas(64) Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();           ///< unit vector, in the link frame
-  std::optional<ModifiedDh> dh;                              ///< the row that `origin` came from, if any
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  ///< unit vector, in the link frame
+  std::optional<ModifiedDh> dh;                     ///< the row that `origin` came from, if any
   JointLimits limits;
   StandardParameters parameters = StandardParameters::Zero();  ///< of the link, in the link frame
   JointFriction friction;
   double rotor_inertia = 0.0;  ///< Ia [kg m^2], reflected to the joint side: adds Ia ddq to the torque
 };
 
-/// A serial arm: what it is, not what it does. Plain data; see dynid::Model for the form that the kernels read.
+/// A serial arm: what it is, not what it does. Plain data; see dynid::Model for the form that the kernels
+/// read.
 struct Robot {
   std::string name = "robot";
   std::string base_link = "base";
   std::string tip_link = "tip";
-  std::vector<Joint> joints;                                ///< base to tip
-  alignas(64) Eigen::Isometry3d tip = Eigen::Isometry3d::Identity();  ///< pose of the tip (flange) in the last link's frame
-  Eigen::Vector3d gravity = Eigen::Vector3d(0, 0, -9.81);   ///< [m/s^2], in the base frame
+  std::vector<Joint> joints;  ///< base to tip
+  alignas(64) Eigen::Isometry3d tip =
+      Eigen::Isometry3d::Identity();  ///< pose of the tip (flange) in the last link's frame
+  Eigen::Vector3d gravity = Eigen::Vector3d(0, 0, -9.81);  ///< [m/s^2], in the base frame
 
   int size() const noexcept { return static_cast<int>(joints.size()); }  ///< n, the number of joints
   Eigen::VectorXd parameters() const;                                    ///< pi, 10 n, links base to tip
-  void set_parameters(const Eigen::VectorXd& pi);                        ///< inverse of parameters(); throws Error
+  void set_parameters(const Eigen::VectorXd& pi);  ///< inverse of parameters(); throws Error
 };
 
 /// The pose `Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
@@ -76,10 +78,10 @@ Joint make_joint(const std::string& name, JointType type, const ModifiedDh& dh);
 
 /// One broken rule of eqs. (11) and (16).
 struct Inconsistency {
-  int joint = 0;          ///< base to tip, from 1
-  std::string link;       ///< link name
-  std::string rule;       ///< in words, with the equation's number
-  double margin = 0.0;    ///< negative: by how much it is broken, in the unit that the rule names
+  int joint = 0;        ///< base to tip, from 1
+  std::string link;     ///< link name
+  std::string rule;     ///< in words, with the equation's number
+  double margin = 0.0;  ///< negative: by how much it is broken, in the unit that the rule names
 };
 
 /// Every link's broken rules, base to tip; empty when the model is physically consistent. A link whose ten
@@ -90,11 +92,12 @@ std::vector<Inconsistency> inconsistencies(const Robot& robot, double tolerance 
 std::string describe(const Inconsistency& broken);
 
 /// Throws Error when a quantity of the robot is not finite, an axis is not a unit vector, an origin is not a
-/// pose, position limits cross, another limit is not positive, or there is no joint. Physical consistency is a separate question: see inconsistencies().
+/// pose, position limits cross, another limit is not positive, or there is no joint. Physical consistency is
+/// a separate question: see inconsistencies().
 void validate(const Robot& robot);
 
-/// The robot with a rigid body at its tip: `payload` is in the tip frame (mass [kg], com [m], inertia about com).
-/// Throws Error when there is no joint.
+/// The robot with a rigid body at its tip: `payload` is in the tip frame (mass [kg], com [m], inertia about
+/// com). Throws Error when there is no joint.
 Robot with_payload(const Robot& robot, const LinkInertia& payload);
 
 }  // namespace dynid

@@ -14,19 +14,17 @@ namespace dynid {
 /// base: at each link to the one child beyond which there is a moving joint, or, where there is none, to an
 /// only child. Where two children lead to moving joints the Error lists the leaves to choose from.
 ///
-/// - Link frames, joint origins and axes are the URDF's (an axis is normalised). Revolute, continuous and
-/// prismatic
-///   joints move; fixed ones are lumped: the bodies behind them go into the moving link that carries them,
-///   those before the first moving joint are dropped with the base.
-/// - Moving joints that are not on the way from base to tip (the fingers of a gripper) are frozen at position
-/// zero, and
-///   the bodies behind them lumped in the same way.
-/// - Gravity is (0, 0, -9.81) m/s^2 in the root's frame, turned into the base's (joints between them at
-/// zero).
-/// - `<dynamics damping friction>` are viscous and Coulomb friction. A limit on velocity or effort that is
-/// zero, position
-///   limits that are both zero, and every limit of at least 1e16 mean that there is none.
-///
+/// - Link frames, joint origins and axes are the URDF's (an axis is normalised). Revolute,
+///   continuous and prismatic joints move; fixed ones are lumped: the bodies behind them go into
+///   the moving link that carries them, those before the first moving joint are dropped with the
+///   base.
+/// - Moving joints that are not on the way from base to tip (the fingers of a gripper) are frozen
+///   at position zero, and the bodies behind them lumped in the same way.
+/// - Gravity is (0, 0, -9.81) m/s^2 in the root's frame, turned into the base's (joints between
+///   them at zero).
+/// - `<dynamics damping friction>` are viscous and Coulomb friction. A limit on velocity or effort
+///   that is zero, position limits that are both zero, and every limit of at least 1e16 mean that
+///   there is none.
 /// Throws Error, one line, with `name` and where possible the line: malformed XML, what urdfdom refuses, a
 /// loop, an unknown base or tip, a floating, planar or mimic joint on the way, an axis without direction, no
 /// moving joint, numbers that are not finite. Physical consistency is not asked for here: see read_robot()

@@ -11,25 +11,30 @@ namespace dynid {
 /// joints being counted from 1, on anything unknown, missing, misplaced or not finite. Physical consistency
 /// is not asked for here: see read_model_file() and inconsistencies().
 ///
-/// | key | holds |
-/// | --- | --- |
-/// | `name`, `base_link`, `tip_link` | names |
-/// | `tip` | pose of the tip in the last link's frame; identity when left out |
-/// | `gravity` | [m/s^2], base frame |
-/// | `note` | one line, may be left out |
-/// | `physically_consistent`, `inconsistencies` | what inconsistencies() said when the file was written;
-/// checked to be of the right type, then recomputed | | `joints` | base to tip: `name`, `link`, `type`
-/// (revolute, continuous, prismatic); `dh: {a, alpha, d, theta}` (Rx(alpha) Tx(a) Rz(theta + q) Tz(d); theta
-/// may be left out) or `origin` (a pose in the parent's link frame) with `axis`; the rest may be left out:
-/// `limits: {lower, upper, velocity, acceleration, jerk, torque, torque_rate}`, `mass`, `com`, `inertia`, or
-/// `mass`, `first_moment`, `inertia_about_origin`; `friction: {viscous, coulomb, offset, phi1, phi2, phi3}`,
-/// eqs. (24) and (25); `rotor_inertia` | | `coefficients` | where the model was identified: `name`,
-/// `expression`, `value`, `std_percent` (left out: unknown, infinite), `kept` |
+/// The keys:
+/// - `name`, `base_link`, `tip_link`: names.
+/// - `tip`: pose of the tip in the last link's frame; the identity when left out.
+/// - `gravity` [m/s^2], in the base frame.
+/// - `note`: where the model comes from; may be left out.
+/// - `physically_consistent`, `inconsistencies`: what inconsistencies() said when the file was
+///   written; may be left out, and not relied upon.
+/// - `joints`, base to tip, each with `name`, `link`, `type` (revolute, continuous, prismatic) and
+///   `dh: {a, alpha, d, theta}` (Rx(alpha) Tx(a) Rz(theta + q) Tz(d); theta may be left out) or
+///   `origin` (pose in the parent's link frame) with `axis`. What follows may be left out:
+///   - `limits: {lower, upper, velocity, acceleration, jerk, torque, torque_rate}`: one left out is
+///     none;
+///   - `mass`, `com`, `inertia`, or `mass`, `first_moment`, `inertia_about_origin`: all left out is
+///     zero;
+///   - `friction`: `{viscous, coulomb, offset, velocity_scale}`, eq. (24), `{phi1, phi2, phi3}`,
+///     eq. (25), or both in one;
+///   - `rotor_inertia`.
+/// - `coefficients`, where the model was identified, each with `name`, `expression`, `value`,
+///   `std_percent` (left out: not known, infinite) and `kept`.
 ///
 /// A pose is `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}` (URDF's: Rz(yaw) Ry(pitch) Rx(roll)) or
-/// `{xyz: [x, y, z], quaternion: [x, y, z, w]}`; either part may be left out. Inertia is `{xx, xy, xz, yy,
-/// yz, zz}`, a tensor in the axes of the link frame, about the centre of mass (`inertia`) or the frame's
-/// origin.
+/// `{xyz: [x, y, z], quaternion: [x, y, z, w]}`; either part may be left out. Inertia is `{xx, xy,
+/// xz, yy, yz, zz}`, a tensor in the axes of the link frame, about the centre of mass (`inertia`)
+/// or the frame's origin.
 ModelFile read_model(const std::string& path);
 
 /// The same from a text; `name` stands for the file in what an Error says.
