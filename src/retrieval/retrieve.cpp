@@ -309,6 +309,7 @@ RetrievalResult retrieve(const RetrievalProblem& problem, const RetrievalOptions
   fallback.nearest = fallback.p;
   RetrievalRun partial = fallback;
 
+  RetrievalReport part;  // what this rank makes of a wave
   std::mutex mutex;
   const auto make = [&](int index) {
     if (stopped(options)) return;
@@ -318,27 +319,30 @@ RetrievalResult retrieve(const RetrievalProblem& problem, const RetrievalOptions
       if (better(run, partial)) partial = run;
       return;
     }
-    result.runs.push_back(run);
+    part.runs.push_back(run);
     if (!options.progress) return;
     double best = std::numeric_limits<double>::infinity();
-    for (const RetrievalRun& other : result.runs)
-      if (other.feasible) best = std::min(best, other.objective);
-    options.progress(static_cast<int>(result.runs.size()), options.runs, best);
+    for (const auto* runs : {&result.runs, &part.runs})
+      for (const RetrievalRun& other : *runs)
+        if (other.feasible) best = std::min(best, other.objective);
+    options.progress(static_cast<int>(result.runs.size() + part.runs.size()), options.runs, best);
   };
   tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
   const int waves = options.agreeing_runs > 0 ? std::max(wave, options.agreeing_runs) : options.runs;
-  for (int first = 0; first < options.runs; first += waves) {
+  for (int first = 0; first < options.runs && !result.interrupted; first += waves) {
     std::vector<int> mine;
     for (int index = first; index < std::min(first + waves, options.runs); ++index)
       if (index % options.ranks == options.rank) mine.push_back(index);
     arena.execute(
         [&] { tbb::parallel_for(std::size_t{0}, mine.size(), [&](std::size_t k) { make(mine[k]); }); });
-    result.interrupted = stopped(options);
-    if (result.interrupted && partial.index < options.runs) result.runs.push_back(partial);
-    if (options.gather) options.gather(result);
+    part.interrupted = stopped(options);
+    if (part.interrupted && partial.index < options.runs) part.runs.push_back(partial);
+    if (options.gather) options.gather(part);
+    result.interrupted = part.interrupted;
+    result.runs.insert(result.runs.end(), part.runs.begin(), part.runs.end());
+    part.runs.clear();
     std::sort(result.runs.begin(), result.runs.end(),
               [](const RetrievalRun& a, const RetrievalRun& b) { return a.index < b.index; });
-    if (result.interrupted) break;
     if (options.agreeing_runs > 0 && agree(result.runs, options.agreeing_runs, floor_of(prepared))) break;
   }
 

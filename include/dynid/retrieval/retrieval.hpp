@@ -98,8 +98,9 @@ struct PriorTradeOff {
 
 /// All that the runs made: what ranks exchange.
 struct RetrievalReport {
-  std::vector<RetrievalRun> runs;  ///< those that ended, by index
-  bool interrupted = false;        ///< `stop` was seen: runs are missing
+  /// Those that ended, by index; where interrupted, also the best of those that had not.
+  std::vector<RetrievalRun> runs;
+  bool interrupted = false;  ///< `stop` was seen: runs are missing
 };
 
 struct RetrievalResult : RetrievalReport {
