@@ -72,8 +72,7 @@ int main(int argc, char** argv) {
   std::string json_file;
   std::vector<char*> arguments(argv, argv + 1);
   std::string defaults[] = {"--benchmark_repetitions=15", "--benchmark_min_time=0.02",
-                            "--benchmark_enable_random_interleaving=true",
-                            "--benchmark_report_aggregates_only=true"};
+                            "--benchmark_enable_random_interleaving=true"};
   for (std::string& flag : defaults) arguments.push_back(flag.data());
   for (int i = 1; i < argc; ++i) {
     if (std::string(argv[i]) == "--json" && i + 1 < argc)
