@@ -56,19 +56,36 @@ ModelFile RobotOption::read(const Output& output) const {
   return model;
 }
 
-Progress::Progress(const Output& output) : enabled_(!output.quiet && isatty(STDERR_FILENO) != 0) {}
+Progress::Progress(const Output& output) {
+  if (output.quiet || isatty(STDERR_FILENO) == 0) return;
+  writer_ = std::thread([this, watch = Stopwatch()] {
+    bool shown = false;
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (!ended_.wait_for(lock, std::chrono::milliseconds(250), [this] { return end_; })) {
+      if (watch.seconds() < 1.0) continue;
+      shown = true;
+      std::cerr << "\r\033[K" << stage_;
+      if (fraction_ > 0.0) std::cerr << " " << std::lround(100.0 * fraction_) << " %";
+      std::cerr << ", " << std::lround(watch.seconds()) << " s" << std::flush;
+    }
+    if (shown) std::cerr << "\r\033[K" << std::flush;
+  });
+}
 
 Progress::~Progress() {
-  if (shown_) std::cerr << "\r\033[K" << std::flush;
+  if (!writer_.joinable()) return;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    end_ = true;
+  }
+  ended_.notify_all();
+  writer_.join();
 }
 
 void Progress::operator()(const std::string& stage, double fraction) {
-  const Clock::time_point now = Clock::now();
-  if (!enabled_ || now - start_ < std::chrono::seconds(1) || now - last_ < std::chrono::milliseconds(100))
-    return;
-  last_ = now;
-  shown_ = true;
-  std::cerr << "\r\033[K" << stage << " " << std::lround(100.0 * fraction) << " %" << std::flush;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  stage_ = stage;
+  fraction_ = fraction;
 }
 
 nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x) {

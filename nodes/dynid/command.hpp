@@ -4,8 +4,11 @@
 #include <CLI/CLI.hpp>
 #include <Eigen/Core>
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "dynid/model/coefficient.hpp"
@@ -37,20 +40,24 @@ struct RobotOption {
   ModelFile read(const Output& output) const;
 };
 
-/// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere.
+/// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere. It is a thread
+/// of its own that writes it: a stage that says nothing for long still shows its name and the time.
 class Progress {
  public:
   explicit Progress(const Output& output);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
-  void operator()(const std::string& stage, double fraction);
+  /// What is being done, and how much of it, 0..1 (0: not known).
+  void operator()(const std::string& stage, double fraction = 0.0);
 
  private:
-  using Clock = std::chrono::steady_clock;
-  bool enabled_;
-  bool shown_ = false;
-  Clock::time_point start_ = Clock::now(), last_ = start_;
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  std::string stage_ = "working";
+  double fraction_ = 0.0;
+  bool end_ = false;
+  std::thread writer_;
 };
 
 /// Seconds since the program started working on a command.

@@ -46,9 +46,12 @@ nlohmann::json comparison_json(const std::vector<FrictionComparison>& comparison
   return list;
 }
 
-std::vector<Log> read_logs(const std::vector<std::string>& paths, int joints) {
+std::vector<Log> read_logs(const std::vector<std::string>& paths, int joints, Progress& progress) {
   std::vector<Log> logs;
-  for (const std::string& path : paths) logs.push_back(read_log(path, joints));
+  for (const std::string& path : paths) {
+    progress("reading " + path);
+    logs.push_back(read_log(path, joints));
+  }
   return logs;
 }
 
@@ -67,8 +70,8 @@ IdentifyOptions options_of(const Arguments& a, Progress& progress) {
 void run_friction_only(const Arguments& a, const Robot& robot) {
   const Stopwatch watch;
   Progress progress(a.output);
-  const TwoStageFriction result =
-      identify_friction(robot, read_logs(a.logs, robot.size()), a.friction, options_of(a, progress));
+  const TwoStageFriction result = identify_friction(robot, read_logs(a.logs, robot.size(), progress),
+                                                    a.friction, options_of(a, progress));
   if (!a.out.empty())
     write_model(a.out, {result.robot, {}, std::string("friction identified on top of ") + a.robot.path});
   nlohmann::json friction = nlohmann::json::array();

@@ -78,7 +78,7 @@ std::string parameter_name(int k, int joints) {
 }
 
 BaseParameters base_parameters(const Robot& robot, bool rotor_inertia) {
-  constexpr double tolerance = 1e-9;
+  constexpr double tolerance = 1e-7;
   validate(robot);
   const Eigen::MatrixXd R = structural_factor(robot, rotor_inertia);
   const int n = robot.size();
@@ -108,7 +108,7 @@ BaseParameters base_parameters(const Robot& robot, bool rotor_inertia) {
   base.K = triangle.triangularView<Eigen::Upper>().solve(Q.transpose() * R);
   for (int i = 0; i < r; ++i) {
     for (int k = 0; k < P; ++k)
-      if (std::abs(base.K(i, k)) < 1e-8) base.K(i, k) = 0.0;  // rounding, not geometry
+      if (std::abs(base.K(i, k)) < 1e-7) base.K(i, k) = 0.0;  // rounding, not geometry
     for (int c = 0; c < r; ++c) base.K(i, base.columns[static_cast<std::size_t>(c)]) = c == i ? 1.0 : 0.0;
     base.names.push_back(parameter_name(base.columns[static_cast<std::size_t>(i)], n));
     base.expressions.push_back(in_words(base.K.row(i), n));

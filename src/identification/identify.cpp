@@ -448,7 +448,11 @@ std::vector<RegressionRows> rows_of(const Robot& robot, const BaseParameters& ba
     if (log.joints() != robot.size())
       throw Error(log.source + ": the log has " + std::to_string(log.joints()) + " joints, the robot has " +
                   std::to_string(robot.size()));
+    if (options.progress)
+      options.progress("filtering " + log.source, double(rows.size()) / double(logs.size()));
     PreparedLog prepared = prepare(log, prepare_options);
+    if (options.progress)
+      options.progress("building the regressor", double(rows.size()) / double(logs.size()));
     rows.emplace_back(robot, base, prepared);
     prepared.segments.clear();
     reports.push_back(std::move(prepared));
@@ -471,6 +475,7 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
   for (const PreparedLog& log : out.logs) samples += log.report.samples;
   const Problem problem(out.base, std::move(rows), samples, options);
   const RowWeights everything = problem.all_rows();
+  if (options.progress) options.progress("fitting", 0.0);
   Fit fit;
   try {
     fit = fit_with_choice(problem, everything, options, n, &out.friction);

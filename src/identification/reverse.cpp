@@ -217,7 +217,8 @@ ReverseIdentification reverse_engineer(const Robot& robot, const ModelSamples& s
   }
   out.robot = robot;
   out.robot.set_parameters(nearest_parameters(out.base, out.values, parameter_vector(robot, out.base)));
-  for (Joint& joint : out.robot.joints) joint.friction = {};  // M and g say nothing of it: see identify_friction()
+  for (Joint& joint : out.robot.joints)
+    joint.friction = {};  // M and g say nothing of it: see identify_friction()
   return out;
 }
 

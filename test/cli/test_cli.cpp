@@ -119,6 +119,19 @@ TEST_F(CommandLine, IdentifyWritesAModelThatTorquePredictsWith) {
   EXPECT_LT(std::sqrt(e.middleRows(200, 1500).squaredNorm() / (1500.0 * 7.0)), 0.1);
 }
 
+TEST_F(CommandLine, DemoIdentifiesWhatItRecordsAndReportsIt) {
+  ASSERT_EQ(run("demo --robot " + panda() + " --out " + path("demo") + " --json " + path("d.json")), 0)
+      << error_;
+  const auto json = nlohmann::json::parse(read_file(path("d.json")));
+  EXPECT_EQ(json["rank"], 64);
+  EXPECT_LT(json["relative_error_percent"], 1.0);
+  const std::string report = read_file(path("demo/report.html"));
+  for (const char* part : {"velocity_lag", "repeated_rows", "jitter", "Coefficients", "</html>"})
+    EXPECT_NE(report.find(part), std::string::npos) << part;
+  EXPECT_EQ(report.find("http"), report.find("http://www.w3.org")) << "the report needs no network";
+  EXPECT_EQ(read_model(path("demo/identified.yaml")).coefficients.size(), 64u);
+}
+
 TEST_F(CommandLine, JsonOnStandardOutputIsAloneThere) {
   ASSERT_EQ(run("info --robot " + panda() + " --json -"), 0);
   const auto json = nlohmann::json::parse(out_);

@@ -56,7 +56,7 @@ TEST(ZeroPhaseButterworth, CommutesWithTimeReversal) {
   const ZeroPhaseButterworth filter(20.0, 1000.0);
   filter.apply(forwards);
   filter.apply(backwards);
-  EXPECT_LT((forwards - backwards.colwise().reverse()).middleRows(300, 2400).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_LT((forwards - backwards.colwise().reverse()).middleRows(600, 1800).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(ZeroPhaseButterworth, KernelIsTheFilter) {
@@ -115,7 +115,7 @@ TEST(Interpolate, IsExactForParabolasOnAnyStampsAndHoldsTheEnds) {
   const Eigen::VectorXd x = t.unaryExpr(curve);
   const Eigen::VectorXd grid = Eigen::VectorXd::LinSpaced(300, t[1], t[38]);
   EXPECT_LT((interpolate(t, x, grid) - grid.unaryExpr(curve)).segment(10, 280).cwiseAbs().maxCoeff(), 2e-3);
-  EXPECT_EQ(interpolate(t, x, t), x);
+  EXPECT_LT((interpolate(t, x, t) - x).cwiseAbs().maxCoeff(), 1e-14);
   const Eigen::Vector2d outside(t[0] - 1.0, t[39] + 1.0);
   EXPECT_EQ(interpolate(t, x, outside), Eigen::Vector2d(x[0], x[39]));
 }

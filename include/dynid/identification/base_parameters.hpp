@@ -29,7 +29,7 @@ struct BaseParameters {
 };
 
 /// Numerical regrouping (Gautier 1991) on the joint-torque regressor at seeded random states. A column whose
-/// part independent of those to its left is below 1e-9 of it is dependent. Throws Error when the robot is not
+/// part independent of those to its left is below 1e-7 of it is dependent: no motion would excite it to any use. Throws Error when the robot is not
 /// valid.
 BaseParameters base_parameters(const Robot& robot, bool rotor_inertia = false);
 
