@@ -41,28 +41,28 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class Out>
     romega.set(i, omega), rvelocity.set(i, velocity);
   }
   for (int g = 0; g * lanes < n; ++g) {
-    const int at = first_of_group<lanes>(g, n);
+    const int at = first_of_group<lanes>(g, n), slot = g * lanes;
     const Moments<V> k = placed_moments<prismatic, V>(model, ws, at);
-    set_moments(ws, at, k);
+    set_moments(ws, slot, k);
     const Vector3<V> om = romega.template get<V>(at), vel = rvelocity.template get<V>(at);
     const Vector3<V> w = rw.template get<V>(at), v = rv.template get<V>(at);
-    ra[0].set(at, sum(cross(om, Vector3<V>{k.xx, k.xy, k.xz}), k.h.x, vel));
-    ra[1].set(at, sum(cross(om, Vector3<V>{k.xy, k.yy, k.yz}), k.h.y, vel));
-    ra[2].set(at, sum(cross(om, Vector3<V>{k.xz, k.yz, k.zz}), k.h.z, vel));
+    ra[0].set(slot, sum(cross(om, Vector3<V>{k.xx, k.xy, k.xz}), k.h.x, vel));
+    ra[1].set(slot, sum(cross(om, Vector3<V>{k.xy, k.yy, k.yz}), k.h.y, vel));
+    ra[2].set(slot, sum(cross(om, Vector3<V>{k.xz, k.yz, k.zz}), k.h.z, vel));
     Vector3<V> l = cross(om, k.h);
     if constexpr (prismatic) l = sum(l, k.m, vel);
-    rl.set(at, l);
+    rl.set(slot, l);
     rdw.set(at, cross(om, w));
     rdv.set(at, sum(cross(om, v), cross(vel, w)));
   }
-  sum_inwards(ws, n, row_moments + !prismatic, 10 - !prismatic);
-  sum_inwards(ws, n, row_a, 12);
+  sum_inwards<V>(ws, n, row_moments + !prismatic, 10 - !prismatic);
+  sum_inwards<V>(ws, n, row_a, 12);
   for (int g = 0; g * lanes < n; ++g) {
-    const int at = first_of_group<lanes>(g, n);
-    const Moments<V> k = get_moments<V>(ws, at);
-    const Vector3<V> w = rw.template get<V>(at), v = rv.template get<V>(at), l = rl.template get<V>(at);
-    const Vector3<V> a0 = ra[0].template get<V>(at), a1 = ra[1].template get<V>(at),
-                     a2 = ra[2].template get<V>(at);
+    const int at = first_of_group<lanes>(g, n), slot = g * lanes;
+    const Moments<V> k = get_moments<V>(ws, slot);
+    const Vector3<V> w = rw.template get<V>(at), v = rv.template get<V>(at), l = rl.template get<V>(slot);
+    const Vector3<V> a0 = ra[0].template get<V>(slot), a1 = ra[1].template get<V>(slot),
+                     a2 = ra[2].template get<V>(slot);
     const V trace = a0.x + a1.y + a2.z;
     const Wrench<V> F = inertia_times<prismatic>(k, w, v);
     rf.set(at, F.f), rn.set(at, F.n);

@@ -8,21 +8,21 @@ namespace dynid {
 
 namespace detail {
 
-/// x becomes M^-1 x; M (n x n, its lower triangle is read) becomes its factors L D L^T.
+/// x becomes M^-1 x; M (n x n, its upper triangle is read) becomes its factors U^T D U.
 template <class E, class X>
 inline void solve_positive(const ElementMatrix<E>& M, int n, X& x) {
   for (int j = 0; j < n; ++j) {
     const E inverse = E(1.0) / M(j, j);
     for (int i = j + 1; i < n; ++i) {
-      const E l = M(i, j) * inverse;
-      for (int k = i; k < n; ++k) M(k, i) -= l * M(k, j);
-      M(i, j) = l;
-      x[i] -= l * x[j];
+      const E u = M(j, i) * inverse;
+      for (int k = i; k < n; ++k) M(i, k) -= u * M(j, k);
+      M(j, i) = u;
+      x[i] -= u * x[j];
     }
   }
   for (int j = n - 1; j >= 0; --j) {
     x[j] = x[j] / M(j, j);
-    for (int i = j + 1; i < n; ++i) x[j] -= M(i, j) * x[i];
+    for (int i = j + 1; i < n; ++i) x[j] -= M(j, i) * x[i];
   }
 }
 
@@ -37,10 +37,10 @@ void forward_dynamics(const Model<N>& model, Workspace<N, S>& ws, const Q& q, co
       using L = decltype(lane);
       if (model.has_prismatic()) {
         inverse_dynamics<true>(model, ws, q, dq, Zeros(), ddq, pass);
-        mass_matrix<true, L>(model, ws, q, M, pass);
+        upper_mass_matrix<true, L>(model, ws, q, M, pass);
       } else {
         inverse_dynamics<false>(model, ws, q, dq, Zeros(), ddq, pass);
-        mass_matrix<false, L>(model, ws, q, M, pass);
+        upper_mass_matrix<false, L>(model, ws, q, M, pass);
       }
     });
     if constexpr (!std::is_same_v<I, Zeros>)
@@ -59,7 +59,7 @@ void forward_dynamics(const Model<N>& model, Workspace<N, S>& ws, const Q& q, co
 ///
 /// q [rad or m], dq, tau [N m or N] (friction already taken off): n, joints base to tip, any Eigen column
 /// expression of `Scalar`. ddq: n, written; any writable Eigen column vector of size n that is not an alias
-/// of an input. M is factored as L D L^T: where it is not positive definite the result means nothing. Neither
+/// of an input. M is factored as U^T D U: where it is not positive definite the result means nothing. Neither
 /// allocates nor throws.
 template <int N, class Scalar, class Q, class V, class T, class A>
 void forward_dynamics(const Model<N>& model, Workspace<N, Scalar>& ws, const Eigen::MatrixBase<Q>& q,

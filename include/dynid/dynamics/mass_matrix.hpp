@@ -11,7 +11,7 @@ namespace detail {
 /// M_ij = S_i . I_C(j) S_j for i <= j, column by column, lanes along the rows; below the diagonal the same
 /// with i and j exchanged.
 template <bool prismatic, class V, int N, class S, class Q, class Out>
-[[gnu::always_inline]] inline void mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q, Out& M,
+[[gnu::always_inline]] inline void upper_mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q, Out& M,
                                                int pass) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
@@ -20,27 +20,22 @@ template <bool prismatic, class V, int N, class S, class Q, class Out>
   place_twists<V>(model, ws);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);
-    set_moments(ws, at, placed_moments<prismatic, V>(model, ws, at));
+    set_moments(ws, g * lanes, placed_moments<prismatic, V>(model, ws, at));
   }
-  sum_inwards(ws, n, row_moments + !prismatic, 10 - !prismatic);
+  sum_inwards<V>(ws, n, row_moments + !prismatic, 10 - !prismatic);
   const Rows3<E> rw(ws, row_w), rv(ws, row_v), rf(ws, row_force), rn(ws, row_couple);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);
     const Wrench<V> F =
-        inertia_times<prismatic>(get_moments<V>(ws, at), rw.template get<V>(at), rv.template get<V>(at));
+        inertia_times<prismatic>(get_moments<V>(ws, g * lanes), rw.template get<V>(at), rv.template get<V>(at));
     rf.set(at, F.f), rn.set(at, F.n);
   }
   for (int j = 0; j < n; ++j) {
-    for (int g = 0; g * lanes < n; ++g) {
+    const Vector3<V> f = rf.template all<V>(j), m = rn.template all<V>(j);
+    for (int g = 0; g * lanes <= j; ++g) {
       const int at = first_of_group<lanes>(g, n);
-      V above(0.0), below(0.0);
-      if (at <= j)
-        above = dot(rw.template get<V>(at), rn.template all<V>(j)) +
-                dot(rv.template get<V>(at), rf.template all<V>(j));
-      if (at + lanes > j + 1)
-        below = dot(rn.template get<V>(at), rw.template all<V>(j)) +
-                dot(rf.template get<V>(at), rv.template all<V>(j));
-      write_rows<S>(M, at, j, pass, select_up_to<V, E>(at, j, above, below));
+      if (at > j) break;
+      write_rows<S>(M, at, j, pass, V(dot(rw.template get<V>(at), m) + dot(rv.template get<V>(at), f)));
     }
   }
 }
@@ -59,11 +54,13 @@ void mass_matrix(const Model<N>& model, Workspace<N, Scalar>& ws, const Eigen::M
     detail::with_lanes<detail::ElementOf<Scalar>>(model, [&](auto lane) {
       using L = decltype(lane);
       if (model.has_prismatic())
-        detail::mass_matrix<true, L>(model, ws, q.derived(), M, pass);
+        detail::upper_mass_matrix<true, L>(model, ws, q.derived(), M, pass);
       else
-        detail::mass_matrix<false, L>(model, ws, q.derived(), M, pass);
+        detail::upper_mass_matrix<false, L>(model, ws, q.derived(), M, pass);
     });
   }
+  for (int j = 1; j < model.size(); ++j)
+    for (int i = 0; i < j; ++i) M.coeffRef(j, i) = M.coeffRef(i, j);
 }
 
 /// The same with `armature` [kg m^2 or kg] (n, of double: rotor inertia seen at the joints) added to the

@@ -80,6 +80,32 @@ template <class V, class E>
     return V::load(p);
 }
 
+/// Lane k of the result is the sum of the lanes from k on.
+template <class V, class E>
+[[gnu::always_inline]] inline V sum_of_later(const V& x) {
+#if defined(__GNUC__)
+  if constexpr (!std::is_same_v<V, E>) {
+    const typename V::Vector zero = {};
+#if defined(__clang__)
+    if constexpr (lane_width == 4) {
+      const V pairs(x.v + __builtin_shufflevector(x.v, zero, 1, 2, 3, 4));
+      return V(pairs.v + __builtin_shufflevector(pairs.v, zero, 2, 3, 4, 4));
+    } else {
+      return V(x.v + __builtin_shufflevector(x.v, zero, 1, 2));
+    }
+#else
+    if constexpr (lane_width == 4) {
+      const V pairs(x.v + __builtin_shuffle(x.v, zero, typename V::Bits{1, 2, 3, 4}));
+      return V(pairs.v + __builtin_shuffle(pairs.v, zero, typename V::Bits{2, 3, 4, 4}));
+    } else {
+      return V(x.v + __builtin_shuffle(x.v, zero, typename V::Bits{1, 2}));
+    }
+#endif
+  }
+#endif
+  return x;
+}
+
 /// Lane k of the result is 1 where first + k == joint, else 0; `first <= joint < first + width`.
 template <class V, class E>
 [[gnu::always_inline]] inline V unit_lane(int first, int joint) {

@@ -140,23 +140,35 @@ template <bool prismatic, class V, int N, class S>
   return r;
 }
 
-/// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on.
-template <int N, class S>
+/// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on. These rows hold
+/// group g's lanes at g * width: groups overlap in joints, not in storage. Of joints in two groups the last group's lanes
+/// count, the others' are undefined.
+template <class V, int N, class S>
 [[gnu::always_inline]] inline void sum_inwards(Workspace<N, S>& ws, int n, int first, int count) {
+  using E = ElementOf<S>;
+  constexpr int lanes = width<V, E>;
+  const int last = (n - 1) / lanes;
   for (int k = first; k < first + count; ++k) {
-    ElementOf<S>* const r = ws.row(k);
-    for (int i = n - 1; i > 0; --i) r[i - 1] += r[i];
+    E* const row = ws.row(k);
+    V x = sum_of_later<V, E>(load<V>(row + last * lanes));
+    store(row + last * lanes, x);
+    for (int g = last - 1; g >= 0; --g) {
+      const int next = first_of_group<lanes>(g + 1, n);
+      x = select_up_to<V, E>(first_of_group<lanes>(g, n), next - 1, load<V>(row + g * lanes), V(0.0));
+      x = sum_of_later<V, E>(x) + V(row[(g + 1) * lanes]);
+      store(row + g * lanes, x);
+    }
   }
 }
 
 template <class V, int N, class S>
-[[gnu::always_inline]] inline void set_moments(Workspace<N, S>& ws, int at, const Moments<V>& k) {
+[[gnu::always_inline]] inline void set_moments(Workspace<N, S>& ws, int slot, const Moments<V>& k) {
   const V values[10] = {k.m, k.h.x, k.h.y, k.h.z, k.xx, k.xy, k.yy, k.xz, k.yz, k.zz};
-  for (int i = 0; i < 10; ++i) store(ws.row(row_moments + i) + at, values[i]);
+  for (int i = 0; i < 10; ++i) store(ws.row(row_moments + i) + slot, values[i]);
 }
 template <class V, int N, class S>
-[[gnu::always_inline]] inline Moments<V> get_moments(Workspace<N, S>& ws, int at) {
-  const auto get = [&](int i) { return load<V>(ws.row(row_moments + i) + at); };
+[[gnu::always_inline]] inline Moments<V> get_moments(Workspace<N, S>& ws, int slot) {
+  const auto get = [&](int i) { return load<V>(ws.row(row_moments + i) + slot); };
   return {get(0), {get(1), get(2), get(3)}, get(4), get(5), get(6), get(7), get(8), get(9)};
 }
 
