@@ -192,13 +192,7 @@ Constraint conditional(const Entry& entry, const Constraint& constraint, int lin
   });
   Inequality h = condition.alternatives.front().required.front();
   if (condition.exact) h.value = condition.exact;
-  Constraint whole = make_conditional(constraint.name, h, constraint, {});
-  if (constraint.exact) {
-    whole.exact = [h = h.value, exact = constraint.exact](const Eigen::VectorXd& p) {
-      return h(p) >= 0.0 ? exact(p) : std::numeric_limits<double>::max();
-    };
-  }
-  return whole;
+  return make_conditional(constraint.name, h, constraint, {});
 }
 
 Constraint read_constraint(const Entry& entry, int links) {
@@ -222,13 +216,6 @@ Constraint read_shape(const Entry& entry, int links, const std::string& folder) 
     solids.push_back(read_solid(solid, folder).contains_com(name, link));
   if (solids.empty()) entry.at("solids").fail("no solid is given");
   Constraint constraint = solids.size() == 1 ? solids.front() : any_of(name, solids);
-  if (solids.size() > 1) {
-    constraint.exact = [solids](const Eigen::VectorXd& p) {
-      double best = -std::numeric_limits<double>::infinity();
-      for (const Constraint& solid : solids) best = std::max(best, solid.margin(p));
-      return best;
-    };
-  }
   constraint = conditional(entry, constraint, links);
   if (entry.has("enforce")) constraint.enforced = entry.at("enforce").flag();
   return constraint;

@@ -72,6 +72,11 @@ Constraint make_conditional(const std::string& name, Inequality condition, const
     both.alternatives.back().guards.push_back(opposite);
   }
   if (otherwise.alternatives.empty()) both.alternatives.push_back({{opposite}, {}});
+  both.exact = [condition = std::move(condition.value), then, otherwise](const Eigen::VectorXd& p) {
+    const double applies = condition(p);
+    if (applies >= 0.0) return then.margin(p);
+    return otherwise.alternatives.empty() ? -applies : otherwise.margin(p);
+  };
   return both;
 }
 
@@ -88,6 +93,11 @@ Constraint all_of(const std::string& name, const std::vector<Constraint>& parts)
     }
     all.alternatives = std::move(product);
   }
+  all.exact = [parts](const Eigen::VectorXd& p) {
+    double least = infinity;
+    for (const Constraint& part : parts) least = std::min(least, part.margin(p));
+    return least;
+  };
   return all;
 }
 
@@ -95,10 +105,15 @@ Constraint any_of(const std::string& name, const std::vector<Constraint>& parts)
   Constraint any{name, {}, {}, true};
   for (const Constraint& part : parts)
     any.alternatives.insert(any.alternatives.end(), part.alternatives.begin(), part.alternatives.end());
+  any.exact = [parts](const Eigen::VectorXd& p) {
+    double best = -infinity;
+    for (const Constraint& part : parts) best = std::max(best, part.margin(p));
+    return best;
+  };
   return any;
 }
 
-std::string parameter_name(int i) {
+std::string variable_name(int i) {
   static constexpr std::array<const char*, 10> suffixes = {"m",  "x",  "y",  "z",  "xx",
                                                            "xy", "yy", "xz", "yz", "zz"};
   const std::string link = std::to_string(i / 10 + 1);

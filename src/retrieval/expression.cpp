@@ -41,7 +41,7 @@ class Expression {
  private:
   struct Bound {
     Bound(const std::string& text, int links) : values(Eigen::VectorXd::Ones(10 * links)) {
-      for (int i = 0; i < 10 * links; ++i) parser.DefineVar(parameter_name(i), &values[i]);
+      for (int i = 0; i < 10 * links; ++i) parser.DefineVar(variable_name(i), &values[i]);
       parser.SetExpr(text);
     }
     Eigen::VectorXd values;

@@ -585,6 +585,65 @@ LocalSolution solve_local(const Prepared& prepared, const Eigen::VectorXd& p, co
   return solution;
 }
 
+double derivative_error(const Prepared& prepared, const Eigen::VectorXd& p, const LocalTask& task) {
+  const Ipopt::SmartPtr<Nlp> nlp = new Nlp(prepared, task, p);
+  Index n = 0, m = 0, jacobian_size = 0, hessian_size = 0;
+  Ipopt::TNLP::IndexStyleEnum style{};
+  nlp->get_nlp_info(n, m, jacobian_size, hessian_size, style);
+  Eigen::VectorXd x(n);
+  nlp->get_starting_point(n, true, x.data(), false, nullptr, nullptr, m, false, nullptr);
+  std::vector<Index> rows(jacobian_size), columns(jacobian_size), h_rows(hessian_size),
+      h_columns(hessian_size);
+  std::vector<Number> values(jacobian_size), h_values(hessian_size);
+  nlp->eval_jac_g(n, nullptr, true, m, jacobian_size, rows.data(), columns.data(), nullptr);
+  nlp->eval_h(n, nullptr, true, 1.0, m, nullptr, true, hessian_size, h_rows.data(), h_columns.data(),
+              nullptr);
+  const Eigen::VectorXd lambda = Eigen::VectorXd::LinSpaced(m, -1.0, 2.0);
+  double error = 0.0;
+  const auto compare = [&error](const Eigen::VectorXd& given, const Eigen::VectorXd& differences) {
+    const double scale = 1e-3 + given.cwiseAbs().maxCoeff();
+    const double apart = (given - differences).cwiseAbs().maxCoeff() / scale;
+    error = std::isfinite(apart) ? std::max(error, apart) : std::numeric_limits<double>::infinity();
+  };
+  // Gradient of the Lagrangian from first derivatives; its differences are the Hessian's columns.
+  const auto first = [&](const Eigen::VectorXd& at, Eigen::VectorXd& objective, Eigen::MatrixXd& jacobian) {
+    objective.resize(n);
+    jacobian = Eigen::MatrixXd::Zero(m, n);
+    nlp->eval_grad_f(n, at.data(), true, objective.data());
+    nlp->eval_jac_g(n, at.data(), true, m, jacobian_size, nullptr, nullptr, values.data());
+    for (std::size_t k = 0; k < values.size(); ++k) jacobian(rows[k], columns[k]) += values[k];
+  };
+  Eigen::VectorXd objective;
+  Eigen::MatrixXd jacobian;
+  first(x, objective, jacobian);
+  nlp->eval_h(n, x.data(), true, 1.0, m, lambda.data(), true, hessian_size, nullptr, nullptr,
+              h_values.data());
+  Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(n, n);
+  for (std::size_t k = 0; k < h_values.size(); ++k) hessian(h_rows[k], h_columns[k]) += h_values[k];
+  hessian = hessian.selfadjointView<Eigen::Lower>();
+  constexpr double d = 1e-6;
+  for (Index j = 0; j < n; ++j) {
+    Eigen::VectorXd ahead = x, behind = x;
+    ahead[j] += d;
+    behind[j] -= d;
+    double f_ahead = 0.0, f_behind = 0.0;
+    nlp->eval_f(n, ahead.data(), true, f_ahead);
+    nlp->eval_f(n, behind.data(), true, f_behind);
+    error = std::max(error, std::abs(objective[j] - (f_ahead - f_behind) / (2 * d)) /
+                                (1e-3 + objective.cwiseAbs().maxCoeff()));
+    Eigen::VectorXd g_ahead(m), g_behind(m);
+    nlp->eval_g(n, ahead.data(), true, m, g_ahead.data());
+    nlp->eval_g(n, behind.data(), true, m, g_behind.data());
+    compare(jacobian.col(j), (g_ahead - g_behind) / (2 * d));
+    Eigen::VectorXd o_ahead, o_behind;
+    Eigen::MatrixXd j_ahead, j_behind;
+    first(ahead, o_ahead, j_ahead);
+    first(behind, o_behind, j_behind);
+    compare(hessian.col(j), (o_ahead - o_behind + (j_ahead - j_behind).transpose() * lambda) / (2 * d));
+  }
+  return error;
+}
+
 double prior_distance(const Prepared& prepared, const Eigen::VectorXd& x, Eigen::VectorXd* gradient,
                       Eigen::MatrixXd* hessian) {
   const Prior& prior = prepared.reference();

@@ -35,6 +35,10 @@ struct LocalSolution {
 /// of its Cholesky factor, which are smooth and concave where the largest eigenvalue is not smooth.
 LocalSolution solve_local(const Prepared& prepared, const Eigen::VectorXd& p, const LocalTask& task);
 
+/// Largest relative error of the first and second derivatives that Ipopt is given at `p`, against central
+/// differences.
+double derivative_error(const Prepared& prepared, const Eigen::VectorXd& p, const LocalTask& task);
+
 /// Distance of `x` from Prepared::reference(), with its gradient and Hessian in x where asked.
 double prior_distance(const Prepared& prepared, const Eigen::VectorXd& x, Eigen::VectorXd* gradient = nullptr,
                       Eigen::MatrixXd* hessian = nullptr);

@@ -397,8 +397,8 @@ std::vector<ConstraintMargin> constraint_margins(const Bounds& bounds,
     add(link + "triangle inequality, eq. (16)", detail::triangle_margin(p, i), half_trace);
     for (int k = 10 * i; k < 10 * i + 10; ++k) {
       const double range = bounds.upper[k] - bounds.lower[k];
-      add(parameter_name(k) + " >= lower bound", p[k] - bounds.lower[k], range);
-      add(parameter_name(k) + " <= upper bound", bounds.upper[k] - p[k], range);
+      add(variable_name(k) + " >= lower bound", p[k] - bounds.lower[k], range);
+      add(variable_name(k) + " <= upper bound", bounds.upper[k] - p[k], range);
     }
   }
   if (bounds.total_mass_lower > 0.0)

@@ -26,7 +26,7 @@ void validate(const Bounds& bounds) {
     fail("ten lower and ten upper bounds a link are needed");
   double low_sum = 0.0, high_sum = 0.0;
   for (int i = 0; i < low.size(); ++i) {
-    const std::string name = parameter_name(i);
+    const std::string name = variable_name(i);
     if (!std::isfinite(low[i]) || !std::isfinite(high[i])) fail("the bounds of " + name + " are not finite");
     if (low[i] > high[i])
       fail("the bounds of " + name + " cross: lower " + text(low[i]) + " > upper " + text(high[i]));
@@ -54,14 +54,14 @@ void validate(const Bounds& bounds) {
     for (std::size_t a = 0; a < 3; ++a) {
       const int k = moments[a];
       if (!(high[k] > 0.0))
-        fail(link + "the upper bound of " + parameter_name(k) + " is not positive, eq. (12)");
+        fail(link + "the upper bound of " + variable_name(k) + " is not positive, eq. (12)");
       if (low[k] > trace - high[k])
-        fail(link + "the lower bound of " + parameter_name(k) +
+        fail(link + "the lower bound of " + variable_name(k) +
              " exceeds the sum of the other two moments' upper bounds, eq. (16)");
       const int product = products[a];
       if (std::max(low[product], -high[product]) > 0.5 * high[k])
-        fail(link + "the bounds of " + parameter_name(product) + " ask for more than half of the largest " +
-             parameter_name(k) + ", eq. (16)");
+        fail(link + "the bounds of " + variable_name(product) + " ask for more than half of the largest " +
+             variable_name(k) + ", eq. (16)");
     }
     // s^T Sigma s >= 0 for every choice of signs s bounds a signed sum of the products by a quarter of the
     // trace... of I.

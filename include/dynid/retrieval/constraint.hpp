@@ -47,7 +47,8 @@ struct Constraint {
 /// h(p) >= 0.
 Constraint make_constraint(const std::string& name, Inequality h);
 
-/// `condition` >= 0 ? `then` : `otherwise`; an empty `otherwise` asks for nothing there. Either constraint
+/// `condition` >= 0 ? `then` : `otherwise`; an empty `otherwise` asks for nothing there (the margin is then
+/// -`condition`, by how much it does not apply). Either constraint
 /// may itself be conditional.
 Constraint make_conditional(const std::string& name, Inequality condition, const Constraint& then,
                             const Constraint& otherwise);
@@ -65,6 +66,6 @@ Constraint any_of(const std::string& name, const std::vector<Constraint>& parts)
 Constraint make_expression(const std::string& name, const std::string& expression, int links);
 
 /// Name of entry i of p: `m1`, `c1x`, `I1xx`...
-std::string parameter_name(int i);
+std::string variable_name(int i);
 
 }  // namespace dynid
