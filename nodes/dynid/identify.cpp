@@ -104,8 +104,9 @@ void run(const Arguments& a) {
   const Robot robot = a.robot.read(a.output).robot;
   if (a.friction_only) return run_friction_only(a, robot);
   Progress progress(a.output);
-  const Identification id = identify(robot, read_logs(a.logs, robot.size()),
-                                     read_logs(a.validation, robot.size()), options_of(a, progress));
+  const Identification id =
+      identify(robot, read_logs(a.logs, robot.size(), progress),
+               read_logs(a.validation, robot.size(), progress), options_of(a, progress));
   if (!a.out.empty()) {
     std::string note = "identified from";
     for (const std::string& log : a.logs) note += " " + log;

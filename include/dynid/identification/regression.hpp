@@ -13,7 +13,8 @@
 namespace dynid {
 
 /// A prepared log as regression rows: torque and every regressor column through the same zero-phase filter,
-/// then one row every 1 / (2.5 cut-off) s, since closer rows carry nothing new.
+/// then one row every 1 / (2.5 cut-off) s, since closer rows carry nothing new; none within a period of the
+/// cut-off from the ends of a stretch, where the filter has to invent what came before or after.
 class RegressionRows {
  public:
   /// `base` names the columns of the rigid body (and rotor inertia). Runs on all cores; the result does not
@@ -45,8 +46,9 @@ class RegressionRows {
   Eigen::VectorXd t_;
   std::vector<Eigen::Index> parts_;
   Eigen::Index overlap_ = 0;
-  std::vector<DecimatingFilter> filters_;  // one a part
-  std::vector<Eigen::MatrixXd> dq_;        // one a part, before decimation
+  std::vector<DecimatingFilter> filters_;   // one a part
+  std::vector<Eigen::Index> first_output_;  // of each part's filter that is a row
+  std::vector<Eigen::MatrixXd> dq_;         // one a part, before decimation
 };
 
 }  // namespace dynid
