@@ -44,8 +44,8 @@ TEST(BaseParameters, ReproduceEveryTorque) {
 /// Rank of columns brought to unit norm; -1 where singular values between 1e-10 and 1e-6 leave it undefined
 /// (axes that are all but parallel).
 int clear_rank(Eigen::MatrixXd A) {
-  for (Eigen::Index k = 0; k < A.cols(); ++k)
-    if (A.col(k).norm() > 0.0) A.col(k).normalize();
+  const double scale = A.colwise().norm().maxCoeff();
+  for (Eigen::Index k = 0; k < A.cols(); ++k) A.col(k) /= std::max(A.col(k).norm(), 1e-9 * scale);
   const Eigen::MatrixXd R =
       Eigen::HouseholderQR<Eigen::MatrixXd>(A).matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>();
   const Eigen::VectorXd s =
