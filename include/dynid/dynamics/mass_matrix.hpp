@@ -11,8 +11,8 @@ namespace detail {
 /// M_ij = S_i . I_C(j) S_j for i <= j, column by column, lanes along the rows; below the diagonal the same
 /// with i and j exchanged.
 template <bool prismatic, class V, int N, class S, class Q, class Out>
-[[gnu::always_inline]] inline void upper_mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q, Out& M,
-                                               int pass) {
+[[gnu::always_inline]] inline void upper_mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
+                                                     Out& M, int pass) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
   const int n = model.size();
@@ -26,8 +26,8 @@ template <bool prismatic, class V, int N, class S, class Q, class Out>
   const Rows3<E> rw(ws, row_w), rv(ws, row_v), rf(ws, row_force), rn(ws, row_couple);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);
-    const Wrench<V> F =
-        inertia_times<prismatic>(get_moments<V>(ws, g * lanes), rw.template get<V>(at), rv.template get<V>(at));
+    const Wrench<V> F = inertia_times<prismatic>(get_moments<V>(ws, g * lanes), rw.template get<V>(at),
+                                                 rv.template get<V>(at));
     rf.set(at, F.f), rn.set(at, F.n);
   }
   for (int j = 0; j < n; ++j) {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "dynid/dynamics/detail/sweep.hpp"
-#include "dynid/dynamics/detail/write.hpp"
+#include "dynid/dynamics/detail/placement.hpp"
 #include "dynid/dynamics/workspace.hpp"
 
 namespace dynid {
@@ -16,55 +15,50 @@ template <class V>
           V(a.x * R(2, 0) + a.y * R(2, 1) + a.z * R(2, 2))};
 }
 
-/// Link by link: each joint's unit twist is carried outwards (lanes are joints), and the power it does on
-/// link i moving as it does is read off, parameter by parameter:
+/// Each joint's unit twist is carried outwards, link by link (lanes are joints), and the power it does on a
+/// link moving as that link does is read off, parameter by parameter:
 ///   v . (m a + L h) + w . (h x a + J alpha + omega x J omega).
 template <bool prismatic, class V, int N, class S, class Q, class D, class A, class Y>
 [[gnu::always_inline]] inline void regressor(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
                                              const D& dq, const A& ddq, Y& out, int pass) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
-  const int n = model.size(), groups = (n + lanes - 1) / lanes;
+  const int n = model.size();
+  const bool turn = !model.frames_are_links();
   E *const c = ws.row(0), *const s = ws.row(1);
-  E* const wx = ws.row(2);
-  E* const wy = ws.row(3);
-  E* const wz = ws.row(4);
-  E* const vx = ws.row(5);
-  E* const vy = ws.row(6);
-  E* const vz = ws.row(7);
+  const Rows3<E> rp(ws, 2), romega(ws, 5), ralpha(ws, 8), ra(ws, 11);
+  const Rows3<E> rx(ws, 14), ry(ws, 17), rz(ws, 20);  // columns of L
   joint_rotations<S>(model, q, pass, c, s);
-
-  // Twists are kept by group, `lanes` elements each: groups overlap in joints, not in storage. A group's 4
-  // elements never pass the end of a row: groups * lanes <= padded n.
-  for (int k = 0; k < groups * lanes; ++k) wx[k] = wy[k] = wz[k] = vx[k] = vy[k] = vz[k] = E(0.0);
 
   Motion<E> motion = base_motion<E>(model);
   for (int i = 0; i < n; ++i) {
     const JointFrame& frame = model.frame(i);
     const E qi = prismatic ? coefficient<S>(q, i, pass) : E(0.0);
-    const Vector3<E> p = origin<prismatic>(frame, qi);
     motion = step<prismatic>(frame, motion, c[i], s[i], qi, coefficient<S>(dq, i, pass),
                              coefficient<S>(ddq, i, pass));
-    Vector3<E> om = motion.omega, al = motion.alpha, a = motion.a;
+    Vector3<E> omega = motion.omega, alpha = motion.alpha, a = motion.a;
     Spin<E> L = motion.spin;
-    const Eigen::Matrix3d& axes = model.axes(i);
-    if (!model.frames_are_links()) {
-      om = turned(axes, om), al = turned(axes, al), a = turned(axes, a);
-      L = Spin<E>(om, al);
+    if (turn) {
+      const Eigen::Matrix3d& axes = model.axes(i);
+      omega = turned(axes, omega), alpha = turned(axes, alpha), a = turned(axes, a);
+      L = Spin<E>(omega, alpha);
     }
-    const V cv(c[i]), sv(s[i]), ca(frame.ca), sa(frame.sa);
-    const Vector3<V> pv = {V(p.x), V(p.y), V(p.z)};
-    const Vector3<V> omv = {V(om.x), V(om.y), V(om.z)}, alv = {V(al.x), V(al.y), V(al.z)};
-    const Vector3<V> av = {V(a.x), V(a.y), V(a.z)};
-    for (int g = 0; g < groups; ++g) {
-      const int first = first_of_group<lanes>(g, n), at = g * lanes;
-      if (first > i) {
-        for (int k = 0; k < 10; ++k) write_rows<S>(out, first, 10 * i + k, pass, V(0.0));
-        continue;
-      }
-      Vector3<V> w = {load<V>(wx + at), load<V>(wy + at), load<V>(wz + at)};
-      Vector3<V> v = {load<V>(vx + at), load<V>(vy + at), load<V>(vz + at)};
-      v = to_link(sum(v, cross(w, pv)), ca, sa, cv, sv);
+    rp.set(i, origin<prismatic>(frame, qi));
+    romega.set(i, omega), ralpha.set(i, alpha), ra.set(i, a);
+    rx.set(i, Vector3<E>{L.xx, L.yx, L.zx});
+    ry.set(i, Vector3<E>{L.xy, L.yy, L.zy});
+    rz.set(i, Vector3<E>{L.xz, L.yz, L.zz});
+  }
+
+  for (int g = 0; g * lanes < n; ++g) {
+    const int first = first_of_group<lanes>(g, n);
+    for (int column = 0; column < 10 * first; ++column) write_rows<S>(out, first, column, pass, V(0.0));
+    const V zero(0.0);
+    Vector3<V> w = {zero, zero, zero}, v = w;
+    for (int i = first; i < n; ++i) {
+      const JointFrame& frame = model.frame(i);
+      const V cv(c[i]), sv(s[i]), ca(frame.ca), sa(frame.sa);
+      v = to_link(sum(v, cross(w, rp.template all<V>(i))), ca, sa, cv, sv);
       w = to_link(w, ca, sa, cv, sv);
       if (i < first + lanes) {
         const V unit = unit_lane<V, E>(first, i);
@@ -75,22 +69,24 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class A, cl
           w.z += unit;
         }
       }
-      store(wx + at, w.x), store(wy + at, w.y), store(wz + at, w.z);
-      store(vx + at, v.x), store(vy + at, v.y), store(vz + at, v.z);
-      if (!model.frames_are_links()) w = turned(axes, w), v = turned(axes, v);
+      Vector3<V> W = w, U = v;  // in the robot's link frame
+      if (turn) W = turned(model.axes(i), w), U = turned(model.axes(i), v);
 
-      const Vector3<V> aw = cross(av, w), u = cross(w, omv);
       const int column = 10 * i;
-      write_rows<S>(out, first, column, pass, V(dot(v, av)));
-      write_rows<S>(out, first, column + 1, pass, V(aw.x + v.x * V(L.xx) + v.y * V(L.yx) + v.z * V(L.zx)));
-      write_rows<S>(out, first, column + 2, pass, V(aw.y + v.x * V(L.xy) + v.y * V(L.yy) + v.z * V(L.zy)));
-      write_rows<S>(out, first, column + 3, pass, V(aw.z + v.x * V(L.xz) + v.y * V(L.yz) + v.z * V(L.zz)));
-      write_rows<S>(out, first, column + 4, pass, V(w.x * alv.x + u.x * omv.x));
-      write_rows<S>(out, first, column + 5, pass, V(w.x * alv.y + w.y * alv.x + u.x * omv.y + u.y * omv.x));
-      write_rows<S>(out, first, column + 6, pass, V(w.y * alv.y + u.y * omv.y));
-      write_rows<S>(out, first, column + 7, pass, V(w.x * alv.z + w.z * alv.x + u.x * omv.z + u.z * omv.x));
-      write_rows<S>(out, first, column + 8, pass, V(w.y * alv.z + w.z * alv.y + u.y * omv.z + u.z * omv.y));
-      write_rows<S>(out, first, column + 9, pass, V(w.z * alv.z + u.z * omv.z));
+      const auto write = [&](int k, const V& x) { write_rows<S>(out, first, column + k, pass, x); };
+      const Vector3<V> a = ra.template all<V>(i), aw = cross(a, W);
+      write(0, dot(U, a));
+      write(1, aw.x + dot(U, rx.template all<V>(i)));
+      write(2, aw.y + dot(U, ry.template all<V>(i)));
+      write(3, aw.z + dot(U, rz.template all<V>(i)));
+      const Vector3<V> omega = romega.template all<V>(i), alpha = ralpha.template all<V>(i),
+                       u = cross(W, omega);
+      write(4, W.x * alpha.x + u.x * omega.x);
+      write(5, W.x * alpha.y + W.y * alpha.x + u.x * omega.y + u.y * omega.x);
+      write(6, W.y * alpha.y + u.y * omega.y);
+      write(7, W.x * alpha.z + W.z * alpha.x + u.x * omega.z + u.z * omega.x);
+      write(8, W.y * alpha.z + W.z * alpha.y + u.y * omega.z + u.z * omega.y);
+      write(9, W.z * alpha.z + u.z * omega.z);
     }
   }
 }

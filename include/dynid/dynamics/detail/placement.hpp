@@ -140,9 +140,9 @@ template <bool prismatic, class V, int N, class S>
   return r;
 }
 
-/// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on. These rows hold
-/// group g's lanes at g * width: groups overlap in joints, not in storage. Of joints in two groups the last group's lanes
-/// count, the others' are undefined.
+/// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on.
+/// These rows hold group g's lanes at g * width: groups overlap in joints, not in storage. Of joints in two
+/// groups the last group's lanes count, the others' are undefined.
 template <class V, int N, class S>
 [[gnu::always_inline]] inline void sum_inwards(Workspace<N, S>& ws, int n, int first, int count) {
   using E = ElementOf<S>;
