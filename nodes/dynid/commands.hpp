@@ -10,6 +10,7 @@ void add_info(CLI::App& app, int& status);
 void add_identify(CLI::App& app, int& status);
 void add_reverse(CLI::App& app, int& status);
 void add_torque(CLI::App& app, int& status);
+void add_retrieve(CLI::App& app, int& status);
 void add_export(CLI::App& app, int& status);
 void add_demo(CLI::App& app, int& status);
 
@@ -19,6 +20,7 @@ inline void add_commands(CLI::App& app, int& status) {
   add_identify(app, status);
   add_reverse(app, status);
   add_torque(app, status);
+  add_retrieve(app, status);
   add_export(app, status);
   add_demo(app, status);
 }

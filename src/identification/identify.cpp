@@ -494,7 +494,7 @@ Identification identify(const Robot& robot, const std::vector<Log>& logs, const 
     std::string source;
     for (const Log& log : validation) source += (source.empty() ? "" : ", ") + log.source;
     out.validation = problem.quality(fit, held_out, ones, source);
-  } else {
+  } else if (options.validate) {
     const auto held_out = [](int block) { return block == 3 || block == 8; };
     const RowWeights inside = problem.without(everything, 10, held_out);
     try {

@@ -31,6 +31,7 @@ struct IdentifyOptions {
   /// above this many per cent (the letter's rule) and which are below sqrt(2) honest standard deviations are
   /// dropped one by one, the worst first; 0: none.
   double prune_percent = 30.0;
+  bool validate = true;  ///< without validation logs: make the second fit that `validation` needs
   /// Called with what is being done and how far it is, 0..1.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
