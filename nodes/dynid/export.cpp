@@ -5,6 +5,7 @@
 #include "dynid/commands.hpp"
 #include "dynid/error.hpp"
 #include "dynid/file.hpp"
+#include "dynid/model/export.hpp"
 #include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -17,6 +18,14 @@ struct Arguments {
   std::string format, out, into;
 };
 
+ExportText exported(const Robot& robot, const Arguments& a) {
+  if (a.format == "mjcf") return to_mjcf(robot);
+  if (a.format == "sdf") return to_sdf(robot);
+  if (a.format == "franka") return to_franka_inertials(robot);
+  const UrdfText urdf = a.into.empty() ? to_urdf(robot) : update_urdf(read_file(a.into), a.into, robot);
+  return {urdf.text, urdf.not_expressed};
+}
+
 void run(const Arguments& a) {
   a.output.check({a.out});
   if (!a.into.empty() && a.format != "urdf") throw Error("export: --into goes with --format urdf");
@@ -25,10 +34,9 @@ void run(const Arguments& a) {
   if (a.format == "yaml") {
     write_model(a.out, model);
   } else {
-    const UrdfText urdf =
-        a.into.empty() ? to_urdf(model.robot) : update_urdf(read_file(a.into), a.into, model.robot);
-    write_file(a.out, urdf.text);
-    not_expressed = urdf.not_expressed;
+    const ExportText text = exported(model.robot, a);
+    write_file(a.out, text.text);
+    not_expressed = text.not_expressed;
   }
   a.output.write({{"format", a.format}, {"out", a.out}, {"not_expressed", not_expressed}});
   if (!a.output.summary()) return;
@@ -42,12 +50,15 @@ void add_export(CLI::App& app, int& status) {
   auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand("export", "Write a model for another program");
   a->model.add_to(*command, "--model");
-  command->add_option("--format", a->format, "urdf or yaml")
+  command
+      ->add_option("--format", a->format,
+                   "urdf, mjcf (MuJoCo), sdf (Gazebo), yaml (this program's) or franka (the inertials that "
+                   "franka_description reads)")
       ->required()
-      ->check(CLI::IsMember({"urdf", "yaml"}));
+      ->check(CLI::IsMember({"urdf", "mjcf", "sdf", "yaml", "franka"}));
   command
       ->add_option("--into", a->into,
-                   "A URDF whose inertials and joint dynamics are replaced, the rest untouched")
+                   "With urdf: a URDF whose inertials and joint dynamics are replaced, the rest untouched")
       ->type_name("FILE");
   command->add_option("--out", a->out, "File to write")->required()->type_name("FILE");
   a->output.add_to(*command);

@@ -19,7 +19,9 @@ struct Arguments {
 
 void run(const Arguments& a) {
   a.output.check({a.out});
-  const Robot robot = a.model.read(a.output).robot;
+  Output silent = a.output;  // whether its links are possible bodies is not the question here
+  silent.quiet = true;
+  const Robot robot = a.model.read(silent).robot;
   const int n = robot.size();
   LogColumns required;
   required.t = required.dq = required.tau = false;
@@ -56,7 +58,6 @@ void add_torque(CLI::App& app, int& status) {
   auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand("torque", "Torques that a model predicts along a recorded motion");
   a->model.add_to(*command, "--model");
-  // A set of coefficients need not be a set of bodies: its torques are right all the same.
   a->model.allow_inconsistent = true;
   command->add_option("--log", a->log, "Motion (CSV: t, q1.., dq1..; with ddq1.. it is taken as it stands)")
       ->required()

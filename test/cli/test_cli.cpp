@@ -76,10 +76,10 @@ class CommandLine : public ::testing::Test {
 
 TEST_F(CommandLine, HelpHasAnExampleForEveryCommand) {
   EXPECT_EQ(run("--help"), 0);
-  for (const char* command : {"info", "identify", "reverse", "torque", "export"}) {
+  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "export"}) {
     EXPECT_NE(out_.find(command), std::string::npos);
   }
-  for (const char* command : {"info", "identify", "reverse", "torque", "export"}) {
+  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "export"}) {
     EXPECT_EQ(run(std::string(command) + " --help"), 0);
     EXPECT_NE(out_.find("Example: dynid "), std::string::npos) << command;
   }
@@ -117,6 +117,29 @@ TEST_F(CommandLine, IdentifyWritesAModelThatTorquePredictsWith) {
   EXPECT_EQ(predicted.names.front(), "t");
   const Eigen::MatrixXd e = predicted.group("tau", 7, true) - measured.group("tau", 7, true);
   EXPECT_LT(std::sqrt(e.middleRows(200, 1500).squaredNorm() / (1500.0 * 7.0)), 0.1);
+}
+
+TEST_F(CommandLine, RetrieveMakesAFeasibleModelOfCoefficients) {
+  const std::string bounds = std::string(DYNID_SOURCE_DIR) + "/config/panda_bounds.yaml";
+  ASSERT_EQ(run("identify --quiet --robot " + panda() + " --log " + log_file() + " --cutoff 10 --out " +
+                path("m.yaml")),
+            0);
+  const std::string command = "retrieve --model " + path("m.yaml") + " --runs 2 --steps 3 --bounds ";
+  ASSERT_EQ(run(command + bounds + " --out " + path("f.yaml") + " --json " + path("f.json")), 0) << error_;
+  const auto json = nlohmann::json::parse(read_file(path("f.json")));
+  EXPECT_TRUE(json["feasible"]);
+  EXPECT_EQ(json["links"].size(), 7u);
+  EXPECT_EQ(json["runs"].size(), 2u);
+  for (const auto& constraint : json["constraints"])
+    EXPECT_GE(constraint["margin"], 0.0) << constraint["name"];
+  EXPECT_TRUE(inconsistencies(read_model(path("f.yaml")).robot, 0.0).empty());
+
+  std::string text = read_file(bounds);
+  const std::size_t total = text.find("total_mass: [");
+  text.replace(total, text.find(']', total) - total + 1,
+               "total_mass: [90, 95]");  // seven links of 10 kg at most
+  expect_refused(command + write("heavy.yaml", text), "heavy.yaml");
+  expect_refused("retrieve --model " + panda() + " --bounds " + bounds, "zz1 is missing");
 }
 
 TEST_F(CommandLine, DemoIdentifiesWhatItRecordsAndReportsIt) {
