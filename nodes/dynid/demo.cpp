@@ -99,7 +99,7 @@ std::string plot(const std::string& folder) {
   text << "set terminal svg size 900,1260 font 'sans-serif,12' background 'white'\nset output '" << svg
        << "'\n"
        << "set datafile separator ','\nset multiplot layout 7,1\nset grid\nset key outside right\n"
-       << "set tmargin 0.6\nset bmargin 1.6\nset lmargin 9\nset rmargin 16\n";
+       << "set xrange [0:21]\nset tmargin 0.6\nset bmargin 1.6\nset lmargin 9\nset rmargin 16\n";
   for (int j = 1; j <= joints; ++j) {
     text << "set ylabel 'joint " << j << " [N m]'\n"
          << (j == joints ? "set xlabel 't [s]'\nset bmargin 3\n" : "") << "plot '" << folder
