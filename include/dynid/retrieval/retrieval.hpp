@@ -55,7 +55,7 @@ struct RetrievalOptions {
   /// 0: all runs; else the runs end once this many of those done agree on the smallest objective to 1e-4 of
   /// it.
   int agreeing_runs = 0;
-  GlobalAlgorithm global = GlobalAlgorithm::crs2;
+  GlobalAlgorithm global = GlobalAlgorithm::isres;
   int global_evaluations = 2000;            ///< of f, in each step
   const std::atomic<bool>* stop = nullptr;  ///< set it (from a signal handler, say) to end within a second
   /// Called after each run (serialised; from any thread): runs done, runs asked, smallest feasible objective
