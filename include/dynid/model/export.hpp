@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dynid/model/robot.hpp"
+
+namespace dynid {
+
+/// A robot in the words of another program, and what of the robot these cannot say, one line each.
+struct ExportText {
+  std::string text;
+  std::vector<std::string> not_expressed;
+};
+
+/// The robot for MuJoCo (MJCF): nested bodies whose frames are the link frames, hinges and slides with range,
+/// damping (viscous friction), frictionloss (Coulomb friction) and armature (rotor inertia), one motor for
+/// each joint, limited where its torque is, the tip as a site, gravity, all in SI units and rad.
+///
+/// Inertia is given along principal axes found here: MuJoCo's own are good to 1e-8 only. A base link
+/// called `world` is MuJoCo's world body. Throws Error where validate() does, and when two joints or two
+/// links share a name. A body that cannot exist is written as it is and listed: MuJoCo refuses it.
+ExportText to_mjcf(const Robot& robot);
+
+/// The robot as a model of SDF 1.7 (Gazebo, libsdformat 9 and later): links posed relative to their parents,
+/// inertia along principal axes, the base fixed to the world, the tip as a frame. Gravity is a property of
+/// the world, not of a model, and always listed.
+///
+/// Links, joints and frames of an SDF model share one set of names: a joint that is called as a link gets
+/// another name, and is listed. A base link called `world` is the world itself. Throws Error and treats
+/// bodies that cannot exist as to_mjcf() does.
+ExportText to_sdf(const Robot& robot);
+
+/// The inertials of the moving links as franka_description keeps them (robots/<arm>/inertials.yaml): `link1`
+/// to `linkn`, each with origin (centre of mass [m] in the link frame, no rotation), mass [kg] and inertia
+/// about the centre of mass [kg m^2], in the axes of the link frame. Throws Error where validate() does.
+ExportText to_franka_inertials(const Robot& robot);
+
+}  // namespace dynid
