@@ -174,6 +174,20 @@ TEST_F(CommandLine, ExportedUrdfIsTheSameRobot) {
       1e-14);
 }
 
+TEST_F(CommandLine, ExportKnowsOtherPrograms) {
+  for (const auto& [format, words] : {std::pair{"mjcf", "<mujoco model=\"panda\">"},
+                                      std::pair{"sdf", "<sdf version="}, std::pair{"franka", "link7:\n"}}) {
+    ASSERT_EQ(run(std::string("export --model ") + panda() + " --format " + format + " --out " +
+                  path("export.txt") + " --json " + path("export.json")),
+              0)
+        << error_;
+    EXPECT_NE(read_file(path("export.txt")).find(words), std::string::npos) << format;
+    EXPECT_FALSE(nlohmann::json::parse(read_file(path("export.json")))["not_expressed"].empty()) << format;
+  }
+  EXPECT_EQ(run("export --model " + panda() + " --format mjcf --into a.urdf --out " + path("x")), 2);
+  EXPECT_NE(error_.find("--into goes with --format urdf"), std::string::npos) << error_;
+}
+
 TEST_F(CommandLine, BadLogsAreRefusedByFileLineAndColumn) {
   const std::string good = read_file(log_file());
   const std::string identify = "identify --robot " + panda() + " --log ";
