@@ -40,7 +40,7 @@ struct State {
 };
 
 /// Positions within the limits; every joint moves at 1 to 2 rad/s.
-State random_state(Random& random, const Robot& robot) {
+[[maybe_unused]] State random_state(Random& random, const Robot& robot) {
   const int n = robot.size();
   State s{Eigen::VectorXd(n), Eigen::VectorXd(n), Eigen::VectorXd(n)};
   for (int k = 0; k < n; ++k) {
@@ -53,7 +53,7 @@ State random_state(Random& random, const Robot& robot) {
 }
 
 /// Rigid body, eq. (24) and rotor inertia.
-Eigen::VectorXd torque(const Robot& robot, const State& s) {
+[[maybe_unused]] Eigen::VectorXd torque(const Robot& robot, const State& s) {
   const Model<> model(robot);
   Workspace<> ws(model);
   Eigen::VectorXd tau(robot.size());
@@ -81,7 +81,7 @@ LinkInertia random_plate(Random& random) {
 }
 
 /// One link: of any principal moments, a plate, or without mass.
-Robot with_a_body_that_may_not_exist(unsigned seed) {
+[[maybe_unused]] Robot with_a_body_that_may_not_exist(unsigned seed) {
   Random random(seed);
   Robot robot = test::random_robot(random, 1);
   LinkInertia body = random_plate(random);
