@@ -29,8 +29,8 @@ struct BaseParameters {
 };
 
 /// Numerical regrouping (Gautier 1991) on the joint-torque regressor at seeded random states. A column whose
-/// part independent of those to its left is below 1e-7 of it is dependent: no motion would excite it to any use. Throws Error when the robot is not
-/// valid.
+/// part independent of those to its left is below 1e-7 of it is dependent: no motion would excite it to any
+/// use. Throws Error when the robot is not valid.
 BaseParameters base_parameters(const Robot& robot, bool rotor_inertia = false);
 
 /// Name of standard parameter k (from 0): `m1`, `zz7`; beyond 10 n: `ia1`...

@@ -26,7 +26,8 @@ struct ReverseOptions {
 };
 
 struct ReverseIdentification {
-  Robot robot;  ///< with the parameters nearest the given ones that have the coefficients; without friction, which M and g do not show
+  Robot robot;  ///< with the parameters nearest the given ones that have the coefficients; without friction,
+                ///< which M and g do not show
   BaseParameters base;
   std::vector<Coefficient> coefficients;
   Eigen::VectorXd values;      ///< r, 0 where dropped

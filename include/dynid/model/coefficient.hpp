@@ -14,10 +14,11 @@ struct Coefficient {
   std::string expression;    ///< what it groups: `yy2 + zz1`
   double value = 0.0;        ///< [SI: kg, kg m or kg m^2; friction as its law says]
   double std_percent = 0.0;  ///< 100 x standard deviation / |value|
-  bool kept = true;          ///< false: pruned, its standard deviation being too large; the model does without it
+  bool kept = true;  ///< false: pruned, its standard deviation being too large; the model does without it
 };
 
-/// A model as a file holds it: the robot and, where it was identified, the coefficients behind its parameters.
+/// A model as a file holds it: the robot and, where it was identified, the coefficients behind its
+/// parameters.
 struct ModelFile {
   Robot robot;
   std::vector<Coefficient> coefficients;  ///< empty when the model was not identified

@@ -12,9 +12,9 @@ enum class FrictionLaw {
 
 /// Eq. (24): tau_f = fv dq + fc sign(dq) + fo.
 struct LinearFriction {
-  double viscous = 0.0;  ///< fv [N m s/rad]
-  double coulomb = 0.0;  ///< fc [N m]
-  double offset = 0.0;   ///< fo [N m]
+  double viscous = 0.0;         ///< fv [N m s/rad]
+  double coulomb = 0.0;         ///< fc [N m]
+  double offset = 0.0;          ///< fo [N m]
   double velocity_scale = 0.0;  ///< v_s [rad/s]: sign(dq) is read as tanh(dq / v_s); 0 is the exact sign
 };
 

@@ -22,15 +22,16 @@ inline constexpr std::array<const char*, 10> standard_parameter_names = {"m",  "
 
 /// Mass, centre of mass and central inertia of one link: what a person or a simulator reads.
 struct LinkInertia {
-  double mass = 0.0;                                   ///< m [kg]
-  Eigen::Vector3d com = Eigen::Vector3d::Zero();       ///< c [m], in the link frame
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   ///< I [kg m^2], about c, in the axes of the link frame
+  double mass = 0.0;                                  ///< m [kg]
+  Eigen::Vector3d com = Eigen::Vector3d::Zero();      ///< c [m], in the link frame
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  ///< I [kg m^2], about c, in the axes of the link frame
 };
 
 /// How far a link is from being physically impossible; every margin is >= 0 for a body that can exist.
 struct ConsistencyMargins {
-  double mass = 0.0;      ///< eq. (11): m [kg]
-  double triangle = 0.0;  ///< eq. (16): tr(I)/2 - lambda_max(I) [kg m^2]; implies eq. (12), I positive definite
+  double mass = 0.0;  ///< eq. (11): m [kg]
+  double triangle =
+      0.0;  ///< eq. (16): tr(I)/2 - lambda_max(I) [kg m^2]; implies eq. (12), I positive definite
   bool consistent(double tolerance = 0.0) const { return mass > -tolerance && triangle >= -tolerance; }
 };
 
@@ -47,8 +48,8 @@ StandardParameters to_standard(const LinkInertia& link) noexcept;
 /// tensor about the origin.
 LinkInertia from_standard(const StandardParameters& p) noexcept;
 
-/// The 4 x 4 pseudo-inertia [[Sigma, h], [h^T, m]], Sigma = tr(J)/2 1 - J about the origin (Wensing et al. 2018).
-/// Positive definite exactly when eqs. (11) and (16) hold strictly.
+/// The 4 x 4 pseudo-inertia [[Sigma, h], [h^T, m]], Sigma = tr(J)/2 1 - J about the origin (Wensing et al.
+/// 2018). Positive definite exactly when eqs. (11) and (16) hold strictly.
 Eigen::Matrix4d pseudo_inertia(const StandardParameters& p) noexcept;
 
 /// Inverse of pseudo_inertia().
