@@ -33,7 +33,8 @@ struct RowGroup {
 ///
 /// Correlated residuals are honoured by c_g, the integrated autocorrelation of the group's residual: the
 /// regressor's columns vary slowly, so what counts is the residual's power at low frequency, c_g sigma_g^2
-/// per row. Throws no error; with c_g = 1 it is the textbook formula of independent rows.
+/// per row. `weights`: one a group. Allocates, does not throw; with c_g = 1 it is the textbook formula of
+/// independent rows.
 Eigen::MatrixXd covariance(const std::vector<RowGroup>& groups, const std::vector<double>& weights);
 
 /// Integrated autocorrelation 1 + 2 sum rho_k of consecutive residuals, summed until the pair sums turn
