@@ -129,6 +129,20 @@ void validate(const Robot& robot) {
   for (int k = 0; k < robot.size(); ++k) {
     check_joint(robot.joints[static_cast<std::size_t>(k)], prefix + label(robot, k));
   }
+  for (const Effect& effect : robot.effects) {
+    if (effect.name.empty()) throw Error(prefix + "an effect has no name");
+    int last = 0;
+    for (const int j : effect.joints) {
+      if (j <= last || j > robot.size())
+        throw Error(prefix + "effect '" + effect.name + "': joints must be increasing numbers from 1 to " +
+                    std::to_string(robot.size()));
+      last = j;
+    }
+    for (const auto& [key, values] : effect.parameters)
+      for (const double x : values)
+        if (!std::isfinite(x))
+          throw Error(prefix + "effect '" + effect.name + "': parameter '" + key + "' is not finite");
+  }
 }
 
 Robot with_payload(const Robot& robot, const LinkInertia& payload) {

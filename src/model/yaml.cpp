@@ -27,7 +27,7 @@ constexpr const char* header =
 # first_moment, inertia_about_origin: mass x com, and the tensor about the frame's origin (where a mass is too small
 # for a centre of mass). friction: viscous dq + coulomb sign(dq) + offset
 # + phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), where sign(dq) is tanh(dq / velocity_scale) if
-# that is given. gravity: in the base frame.
+# that is given. gravity: in the base frame. effects: beyond the rigid body and friction, joints from 1.
 )";
 
 /// A node and where it stands, for errors.
@@ -72,6 +72,19 @@ class Item {
     std::vector<Item> items;
     for (std::size_t k = 0; k < node_.size(); ++k) {
       items.emplace_back(node_[k], path_ + "[" + std::to_string(k + 1) + "]", *file_);
+    }
+    return items;
+  }
+
+  /// Of a map, in the order of the file.
+  std::vector<std::pair<std::string, Item>> entries() const {
+    if (!node_.IsMap()) fail(std::string("expected a map, found ") + kind());
+    std::vector<std::pair<std::string, Item>> items;
+    std::set<std::string> seen;
+    for (const auto& entry : node_) {
+      const std::string key = Item(entry.first, path_, *file_).name();
+      if (!seen.insert(key).second) fail("key '" + key + "' appears twice");
+      items.emplace_back(key, Item(entry.second, path_ + "." + key, *file_));
     }
     return items;
   }
@@ -281,9 +294,29 @@ Coefficient read_coefficient(const Item& item) {
   return coefficient;
 }
 
+Effect read_effect(const Item& item, int joints) {
+  item.expect_keys({"name", "joints", "parameters"});
+  Effect effect;
+  effect.name = item.at("name").name();
+  for (const Item& entry : item.at("joints").list()) {
+    const double j = entry.number();
+    const double least = effect.joints.empty() ? 1 : effect.joints.back() + 1;
+    if (!(j >= least && j <= joints) || j != std::floor(j)) {
+      entry.fail("expected the increasing numbers of joints, 1 to " + std::to_string(joints) + ", found " +
+                 number(j));
+    }
+    effect.joints.push_back(static_cast<int>(j));
+  }
+  for (const auto& [key, value] : item.at("parameters").entries()) {
+    std::vector<double>& numbers = effect.parameters[key];
+    for (const Item& entry : value.list()) numbers.push_back(entry.number());
+  }
+  return effect;
+}
+
 ModelFile read_document(const Item& item) {
   item.expect_keys({"format", "name", "base_link", "tip_link", "tip", "gravity", "note",
-                    "physically_consistent", "inconsistencies", "joints", "coefficients"});
+                    "physically_consistent", "inconsistencies", "joints", "effects", "coefficients"});
   ModelFile model;
   Robot& robot = model.robot;
   robot.name = item.at("name").name();
@@ -304,6 +337,11 @@ ModelFile read_document(const Item& item) {
     }
   }
   if (robot.joints.empty()) item.at("joints").fail("has no joint");
+  if (item.has("effects")) {
+    for (const Item& entry : item.at("effects").list()) {
+      robot.effects.push_back(read_effect(entry, robot.size()));
+    }
+  }
   if (item.has("coefficients")) {
     for (const Item& entry : item.at("coefficients").list()) {
       model.coefficients.push_back(read_coefficient(entry));
@@ -431,6 +469,17 @@ void put_joint(YAML::Emitter& out, const Joint& joint) {
   out << YAML::EndMap;
 }
 
+void put_effect(YAML::Emitter& out, const Effect& effect) {
+  out << YAML::BeginMap << YAML::Key << "name" << YAML::Value << effect.name;
+  out << YAML::Key << "joints" << YAML::Value << YAML::Flow << effect.joints;
+  out << YAML::Key << "parameters" << YAML::Value << YAML::BeginMap;
+  for (const auto& [key, values] : effect.parameters) {
+    out << YAML::Key << key << YAML::Value;
+    put(out, Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())));
+  }
+  out << YAML::EndMap << YAML::EndMap;
+}
+
 void put_coefficient(YAML::Emitter& out, const Coefficient& coefficient) {
   if (!std::isfinite(coefficient.value)) throw Error("coefficient '" + coefficient.name + "' is not finite");
   out << YAML::Flow << YAML::BeginMap;
@@ -516,6 +565,11 @@ std::string to_yaml(const ModelFile& model) {
   out << YAML::Key << "joints" << YAML::Value << YAML::BeginSeq;
   for (const Joint& joint : robot.joints) put_joint(out, joint);
   out << YAML::EndSeq;
+  if (!robot.effects.empty()) {
+    out << YAML::Key << "effects" << YAML::Value << YAML::BeginSeq;
+    for (const Effect& effect : robot.effects) put_effect(out, effect);
+    out << YAML::EndSeq;
+  }
   if (!model.coefficients.empty()) {
     out << YAML::Key << "coefficients" << YAML::Value << YAML::BeginSeq;
     for (const Coefficient& coefficient : model.coefficients) put_coefficient(out, coefficient);

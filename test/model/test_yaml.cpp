@@ -35,6 +35,9 @@ ModelFile random_model(Random& random) {
   model.robot.joints[1].parameters[0] = 0.0;
   model.robot.joints[2].parameters[0] = 1e-9;
   model.robot.joints[3].parameters.setZero();
+  model.robot.effects = {
+      {"joint_spring", {1, 4}, {{"rest", {0.1 + 0.2, 0, 0, 1.0 / 3, 0, 0}}, {"stiffness", {}}}},
+      {"time_delay", {}, {{"delay_s", {1e-300}}}}};
   model.note = "a note: with \"quotes\", a # and\na second line";
   model.coefficients = {{"zz1", "yy2 + zz1", 0.1 + 0.2, 1.0 / 3.0, true},
                         {"fv1", "", -1e-300, std::numeric_limits<double>::infinity(), false}};
@@ -102,6 +105,12 @@ TEST_P(YamlLaws, WhatIsWrittenIsReadAgain) {
   for (std::size_t k = 0; k < a.robot.joints.size(); ++k) {
     SCOPED_TRACE(a.robot.joints[k].name);
     expect_same_joint(a.robot.joints[k], b.robot.joints[k]);
+  }
+  ASSERT_EQ(b.robot.effects.size(), a.robot.effects.size());
+  for (std::size_t k = 0; k < a.robot.effects.size(); ++k) {
+    EXPECT_EQ(a.robot.effects[k].name, b.robot.effects[k].name);
+    EXPECT_EQ(a.robot.effects[k].joints, b.robot.effects[k].joints);
+    EXPECT_EQ(a.robot.effects[k].parameters, b.robot.effects[k].parameters);
   }
   ASSERT_EQ(b.coefficients.size(), 2U);
   for (std::size_t k = 0; k < 2; ++k) {
@@ -247,6 +256,12 @@ TEST(Yaml, BadFilesAreNamedByLineAndKey) {
        "f:26: coefficients[1].kept: expected true or false, found 'yes'"},
       {"  - {name: zz1, value: 1}", "  zz1: 1", "f:26: coefficients: expected a list, found a map"},
       {"base_link: base", "base_link: [base", "f:4: end of sequence flow not found"},
+      {"coefficients:", "effects: [{name: x, joints: [2, 2], parameters: {}}]\ncoefficients:",
+       "f:25: effects[1].joints[2]: expected the increasing numbers of joints, 1 to 2, found 2"},
+      {"coefficients:", "effects: [{name: x, joints: [3], parameters: {}}]\ncoefficients:",
+       "f:25: effects[1].joints[1]: expected the increasing numbers of joints, 1 to 2, found 3"},
+      {"coefficients:", "effects: [{name: x, joints: [1], parameters: {k: [y]}}]\ncoefficients:",
+       "f:25: effects[1].parameters.k[1]: expected a finite number, found 'y'"},
       {"name: two", "? [a]\n: two", "f:2: a key is not a word"},
       {"coefficients:", "---\nformat:", "f:1: holds more than one document"},
   };

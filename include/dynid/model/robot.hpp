@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynid/error.hpp"
+#include "dynid/model/effect.hpp"
 #include "dynid/model/friction_parameters.hpp"
 #include "dynid/model/link_inertia.hpp"
 
@@ -64,6 +65,7 @@ struct Robot {
   alignas(64) Eigen::Isometry3d tip =
       Eigen::Isometry3d::Identity();  ///< pose of the tip (flange) in the last link's frame
   Eigen::Vector3d gravity = Eigen::Vector3d(0, 0, -9.81);  ///< [m/s^2], in the base frame
+  std::vector<Effect> effects;  ///< beyond rigid body, rotor inertia and friction; the kernels know none
 
   int size() const noexcept { return static_cast<int>(joints.size()); }  ///< n, the number of joints
   Eigen::VectorXd parameters() const;                                    ///< pi, 10 n, links base to tip
@@ -92,8 +94,8 @@ std::vector<Inconsistency> inconsistencies(const Robot& robot, double tolerance 
 std::string describe(const Inconsistency& broken);
 
 /// Throws Error when a quantity of the robot is not finite, an axis is not a unit vector, an origin is not a
-/// pose, position limits cross, another limit is not positive, or there is no joint. Physical consistency is
-/// a separate question: see inconsistencies().
+/// pose, position limits cross, another limit is not positive, an effect acts on a joint that there is not,
+/// or there is no joint. Physical consistency is a separate question: see inconsistencies().
 void validate(const Robot& robot);
 
 /// The robot with a rigid body at its tip: `payload` is in the tip frame (mass [kg], com [m], inertia about

@@ -28,6 +28,8 @@ namespace dynid {
 ///   - `friction`: `{viscous, coulomb, offset, velocity_scale}`, eq. (24), `{phi1, phi2, phi3}`,
 ///     eq. (25), or both in one;
 ///   - `rotor_inertia`.
+/// - `effects`, what there is beyond rigid body and friction, each with `name`, `joints` (from 1) and
+///   `parameters`, lists of numbers (see dynid::Effect); may be left out.
 /// - `coefficients`, where the model was identified, each with `name`, `expression`, `value`,
 ///   `std_percent` (left out: not known, infinite) and `kept`.
 ///
