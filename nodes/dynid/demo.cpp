@@ -83,15 +83,6 @@ Log record(const Robot& robot, unsigned seed) {
   return log;
 }
 
-void write_log(const std::string& path, const Log& log) {
-  std::vector<std::string> names = {"t"};
-  for (const char* prefix : {"q", "dq", "tau"})
-    for (const std::string& name : column_names(prefix, joints)) names.push_back(name);
-  Eigen::MatrixXd values(log.samples(), 1 + 3 * joints);
-  values << log.t, log.q, log.dq, log.tau;
-  write_table(path, names, values);
-}
-
 /// Measured and predicted torque of every joint, by gnuplot; empty where there is no gnuplot.
 std::string plot(const std::string& folder) {
   const std::string svg = folder + "/torque.svg", script = folder + "/torque.gp";

@@ -40,4 +40,29 @@ Log read_log(const std::string& path, int joints, const LogColumns& required) {
   return log;
 }
 
+void write_log(const std::string& path, const Log& log) {
+  const std::pair<const char*, const Eigen::MatrixXd*> groups[] = {
+      {"q", &log.q},      {"dq", &log.dq},           {"tau", &log.tau},
+      {"ddq", &log.ddq},  {"tau_cmd", &log.tau_cmd}, {"theta", &log.theta},
+      {"temp", &log.temp}};
+  std::vector<std::string> names;
+  Eigen::MatrixXd values(log.samples(), (log.t.size() > 0 ? 1 : 0) + 7 * log.q.cols());
+  Eigen::Index column = 0;
+  if (log.t.size() > 0) {
+    if (log.t.size() != log.samples()) throw Error(path + ": column t has another length than the positions");
+    names.push_back("t");
+    values.col(column++) = log.t;
+  }
+  for (const auto& [prefix, group] : groups) {
+    if (group->size() == 0) continue;
+    if (group->rows() != log.samples() || group->cols() != log.q.cols())
+      throw Error(path + ": columns " + prefix + "1.. have another size than the positions");
+    for (const std::string& name : column_names(prefix, log.joints())) names.push_back(name);
+    values.middleCols(column, group->cols()) = *group;
+    column += group->cols();
+  }
+  values.conservativeResize(Eigen::NoChange, column);
+  write_table(path, names, values);
+}
+
 }  // namespace dynid

@@ -36,4 +36,9 @@ struct LogColumns {
 /// n, and time that goes back.
 Log read_log(const std::string& path, int joints = 0, const LogColumns& required = {});
 
+/// Writes what the log has as CSV, in the order `t, q.., dq.., tau.., ddq.., tau_cmd.., theta.., temp..`,
+/// whole or not at all, every number reading back to the same double. Throws Error naming the path, also on
+/// sizes that do not match.
+void write_log(const std::string& path, const Log& log);
+
 }  // namespace dynid

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Friction that is a function of the true velocity (and load) of a joint.
+#include <cmath>
+
+#include "effect_model.hpp"
+
+namespace dynid::detail {
+namespace {
+
+/// d tanh(dq / v_s) / d dq.
+double sign_slope(double dq, double scale) {
+  const double s = std::tanh(dq / scale);
+  return (1.0 - s * s) / scale;
+}
+
+class ViscousFriction : public EffectModel {
+ public:
+  ViscousFriction(const Effect& effect, const Robot&) : coefficient_(values(effect, "coefficient")) {}
+  bool acts() const override { return true; }
+  void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
+    tau.array() += coefficient_.array() * at.dq.array();
+  }
+  void add_slopes(const Eigen::VectorXd&, const Eigen::VectorXd&, Eigen::VectorXd& damping,
+                  Eigen::VectorXd&) const override {
+    damping += coefficient_;
+  }
+
+ private:
+  Eigen::VectorXd coefficient_;
+};
+
+/// Coulomb friction of its own size in each direction; the same in both is plain Coulomb friction.
+class CoulombFriction : public EffectModel {
+ public:
+  CoulombFriction(const Effect& effect, const Robot&)
+      : forward_(values(effect, effect.name == "coulomb_friction" ? "coefficient" : "coefficient_positive")),
+        back_(values(effect, effect.name == "coulomb_friction" ? "coefficient" : "coefficient_negative")),
+        scale_(value(effect, "velocity_scale")) {}
+  bool acts() const override { return true; }
+  void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
+    for (Eigen::Index j = 0; j < tau.size(); ++j)
+      if (forward_[j] != 0.0 || back_[j] != 0.0)
+        tau[j] += (at.dq[j] > 0.0 ? forward_[j] : back_[j]) * std::tanh(at.dq[j] / scale_);
+  }
+  void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd&, Eigen::VectorXd& damping,
+                  Eigen::VectorXd&) const override {
+    for (Eigen::Index j = 0; j < dq.size(); ++j)
+      damping[j] += std::max(std::abs(forward_[j]), std::abs(back_[j])) * sign_slope(dq[j], scale_);
+  }
+
+ private:
+  Eigen::VectorXd forward_, back_;
+  double scale_;
+};
+
+class StribeckFriction : public EffectModel {
+ public:
+  StribeckFriction(const Effect& effect, const Robot&)
+      : static_(values(effect, "static")),
+        velocity_(values(effect, "stribeck_velocity")),
+        scale_(value(effect, "velocity_scale")) {}
+  bool acts() const override { return true; }
+  void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
+    for (Eigen::Index j = 0; j < tau.size(); ++j) {
+      if (static_[j] == 0.0) continue;
+      const double x = at.dq[j] / velocity_[j];
+      tau[j] += static_[j] * std::exp(-x * x) * std::tanh(at.dq[j] / scale_);
+    }
+  }
+  void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd&, Eigen::VectorXd& damping,
+                  Eigen::VectorXd&) const override {
+    for (Eigen::Index j = 0; j < dq.size(); ++j)
+      if (static_[j] != 0.0)
+        damping[j] += std::abs(static_[j]) * (sign_slope(dq[j], scale_) + 1.0 / velocity_[j]);
+  }
+
+ private:
+  Eigen::VectorXd static_, velocity_;
+  double scale_;
+};
+
+class LoadDependentFriction : public EffectModel {
+ public:
+  LoadDependentFriction(const Effect& effect, const Robot&)
+      : coefficient_(values(effect, "coefficient")), scale_(value(effect, "velocity_scale")) {}
+  bool acts() const override { return true; }
+  void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
+    for (Eigen::Index j = 0; j < tau.size(); ++j)
+      if (coefficient_[j] != 0.0)
+        tau[j] += coefficient_[j] * std::abs(at.tau[j]) * std::tanh(at.dq[j] / scale_);
+  }
+  void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd& tau, Eigen::VectorXd& damping,
+                  Eigen::VectorXd&) const override {
+    for (Eigen::Index j = 0; j < dq.size(); ++j)
+      damping[j] += std::abs(coefficient_[j] * tau[j]) * sign_slope(dq[j], scale_);
+  }
+
+ private:
+  Eigen::VectorXd coefficient_;
+  double scale_;
+};
+
+}  // namespace
+
+std::vector<EffectDefinition> friction_effects() {
+  return {
+      {{"viscous_friction",
+        "Fv dq",
+        EffectScope::joints,
+        {{"coefficient", "N m s/rad", "Fv", true, {1.0}, 0.0, 1000.0, {0.8}, {2.5}, false, Scale::times}}},
+       &make_model<ViscousFriction>},
+      {{"coulomb_friction",
+        "Fc sign(dq)",
+        EffectScope::joints,
+        {{"coefficient", "N m", "Fc", true, {1.0}, 0.0, 1000.0, {0.6}, {2.0}, false, Scale::times},
+         velocity_scale()}},
+       &make_model<CoulombFriction>},
+      {{"asymmetric_coulomb_friction",
+        "Fc+ sign(dq) forwards, Fc- sign(dq) backwards",
+        EffectScope::joints,
+        {{"coefficient_positive",
+          "N m",
+          "Fc+, for dq > 0",
+          true,
+          {1.2},
+          0.0,
+          1000.0,
+          {1.0},
+          {2.2},
+          false,
+          Scale::times},
+         {"coefficient_negative",
+          "N m",
+          "Fc-, for dq < 0",
+          true,
+          {0.5},
+          0.0,
+          1000.0,
+          {0.1},
+          {0.6},
+          false,
+          Scale::times},
+         velocity_scale()}},
+       &make_model<CoulombFriction>},
+      {{"stribeck_friction",
+        "Fs exp(-(dq / v)^2) sign(dq): what breaking away takes beyond Coulomb friction",
+        EffectScope::joints,
+        {{"static", "N m", "Fs", true, {1.5}, 0.0, 1000.0, {1.5}, {4.0}, false, Scale::times},
+         {"stribeck_velocity", "rad/s", "v", true, {0.1}, 1e-3, 10.0, {0.05}, {0.3}},
+         velocity_scale()}},
+       &make_model<StribeckFriction>},
+      {{"load_dependent_friction",
+        "Fl |tau| sign(dq), tau the torque passed through the joint",
+        EffectScope::joints,
+        {{"coefficient", "1", "Fl", true, {0.08}, 0.0, 0.9, {0.06}, {0.2}, false, Scale::times},
+         velocity_scale()}},
+       &make_model<LoadDependentFriction>}};
+}
+
+}  // namespace dynid::detail

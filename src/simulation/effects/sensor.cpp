@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Effects of the torque sensor and the encoder: torque_offset, torque_gain, time_delay, encoder_offset,
+// torque_saturation.
+#include <algorithm>
+#include <cmath>
+
+#include "dynid/dynamics/gravity.hpp"
+#include "effect_model.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class TorqueOffset : public EffectModel {
+ public:
+  TorqueOffset(const Effect& effect, const Robot&) : offset_(values(effect, "offset")) {}
+  SensorStage stage() const override { return SensorStage::offset; }
+  void sense(double, Eigen::VectorXd& tau) override { tau += offset_; }
+
+ private:
+  Eigen::VectorXd offset_;
+};
+
+class TorqueGain : public EffectModel {
+ public:
+  TorqueGain(const Effect& effect, const Robot&) : gain_(values(effect, "gain")) {}
+  SensorStage stage() const override { return SensorStage::gain; }
+  void sense(double, Eigen::VectorXd& tau) override { tau.array() *= 1.0 + gain_.array(); }
+
+ private:
+  Eigen::VectorXd gain_;
+};
+
+class TorqueSaturation : public EffectModel {
+ public:
+  TorqueSaturation(const Effect& effect, const Robot&) : limit_(values(effect, "limit")) {}
+  SensorStage stage() const override { return SensorStage::saturation; }
+  void sense(double, Eigen::VectorXd& tau) override {
+    for (Eigen::Index j = 0; j < tau.size(); ++j)
+      if (limit_[j] > 0.0) tau[j] = std::clamp(tau[j], -limit_[j], limit_[j]);
+  }
+
+ private:
+  Eigen::VectorXd limit_;
+};
+
+/// A ring of the last torques, read `delay` ago by linear interpolation.
+class TimeDelay : public EffectModel {
+ public:
+  TimeDelay(const Effect& effect, const Robot& robot)
+      : delay_(value(effect, "delay_s")), late_(robot.size()) {
+    late_.setConstant(false);
+    for (const int joint : effect.joints) late_[joint - 1] = true;
+    tau_.resize(robot.size(), capacity);
+    t_.resize(capacity);
+  }
+  SensorStage stage() const override { return SensorStage::delay; }
+  void reset_sensor(double t, const Eigen::VectorXd& tau) override {
+    newest_ = 0;
+    count_ = 1;
+    t_[0] = t;
+    tau_.col(0) = tau;
+  }
+  void sense(double t, Eigen::VectorXd& tau) override {
+    newest_ = (newest_ + 1) % capacity;
+    count_ = std::min(count_ + 1, capacity);
+    t_[newest_] = t;
+    tau_.col(newest_) = tau;
+    const double wanted = t - delay_;
+    Eigen::Index after = newest_;
+    for (int k = 1; k < count_; ++k) {
+      const Eigen::Index before = (newest_ - k + capacity) % capacity;
+      if (t_[before] <= wanted) {
+        const double part = (wanted - t_[before]) / (t_[after] - t_[before]);
+        for (Eigen::Index j = 0; j < tau.size(); ++j)
+          if (late_[j]) tau[j] = tau_(j, before) + part * (tau_(j, after) - tau_(j, before));
+        return;
+      }
+      after = before;
+    }
+    for (Eigen::Index j = 0; j < tau.size(); ++j)  // from before the start
+      if (late_[j]) tau[j] = tau_(j, after);
+  }
+
+ private:
+  static constexpr Eigen::Index capacity = 4096;
+  double delay_;
+  Eigen::Array<bool, Eigen::Dynamic, 1> late_;
+  Eigen::MatrixXd tau_;
+  Eigen::VectorXd t_;
+  Eigen::Index newest_ = 0, count_ = 0;
+};
+
+class EncoderOffset : public EffectModel {
+ public:
+  EncoderOffset(const Effect& effect, const Robot&) : offset_(values(effect, "offset")) {}
+  void add_encoder_offset(Eigen::VectorXd& offset) const override { offset += offset_; }
+
+ private:
+  Eigen::VectorXd offset_;
+};
+
+/// A joint that carries weight is chosen, and a limit that it meets.
+void draw_limit(Effect& effect, const Robot& robot, std::mt19937_64& random, double strength, double) {
+  const Model<> model(robot);
+  Workspace<> ws(model);
+  const int n = robot.size();
+  Eigen::VectorXd q(n), g(n), peak = Eigen::VectorXd::Zero(n);
+  for (int k = 0; k < 200; ++k) {
+    for (int j = 0; j < n; ++j) {
+      const JointLimits& limits = robot.joints[static_cast<std::size_t>(j)].limits;
+      q[j] = uniform(random, std::max(limits.lower, -M_PI), std::min(limits.upper, M_PI));
+    }
+    gravity(model, ws, q, g);
+    peak = peak.cwiseMax(g.cwiseAbs());
+  }
+  Eigen::Index heaviest = 0;
+  peak.maxCoeff(&heaviest);
+  std::vector<int> loaded;
+  for (int j = 0; j < n; ++j)
+    if (peak[j] > 0.25 * peak[heaviest]) loaded.push_back(j + 1);
+  effect.joints = {loaded.empty() ? 1 : loaded[random() % loaded.size()]};
+  std::vector<double> limit(static_cast<std::size_t>(n), 0.0);
+  const int joint = effect.joints.front() - 1;
+  limit[static_cast<std::size_t>(joint)] =
+      std::max(1e-3, peak[joint] * (1.0 - std::min(strength, 1.5) * uniform(random, 0.3, 0.6)));
+  effect.parameters["limit"] = limit;
+}
+
+}  // namespace
+
+std::vector<EffectDefinition> sensor_effects() {
+  return {{{"torque_offset",
+            "b",
+            EffectScope::joints,
+            {{"offset", "N m", "b", true, {1.0}, -1e4, 1e4, {0.5}, {2.0}, true, Scale::times}}},
+           &make_model<TorqueOffset>},
+          {{"torque_gain",
+            "G tau: the sensor reads (1 + G) tau",
+            EffectScope::joints,
+            {{"gain", "1", "G", true, {0.1}, -0.99, 10.0, {0.08}, {0.25}, true, Scale::times}}},
+           &make_model<TorqueGain>},
+          {{"time_delay",
+            "tau(t - d) - tau(t): the measured torque is late",
+            EffectScope::whole_arm,
+            {{"delay_s", "s", "d", false, {0.01}, 0.0, 0.5, {0.008}, {0.03}, false, Scale::times}}},
+           &make_model<TimeDelay>},
+          {{"encoder_offset",
+            "(d tau / d q) dq0: the true position is the measured one + dq0",
+            EffectScope::joints,
+            {{"offset", "rad", "dq0", true, {0.03}, -M_PI, M_PI, {0.02}, {0.08}, true, Scale::times}}},
+           &make_model<EncoderOffset>},
+          {{"torque_saturation",
+            "the measured torque stops at +-limit",
+            EffectScope::joints,
+            {{"limit", "N m", "0: none on this joint", true, {20.0}, 0.0, 1e4, {5.0}, {30.0}}}},
+           &make_model<TorqueSaturation>,
+           &draw_limit}};
+}
+
+}  // namespace dynid::detail
