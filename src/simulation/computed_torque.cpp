@@ -12,14 +12,16 @@ ComputedTorque::ComputedTorque(const Robot& nominal, const ControlGains& gains)
       ws_(model_),
       gains_(gains),
       rotor_(detail::rotor_inertias(nominal)),
+      integral_(Eigen::VectorXd::Zero(nominal.size())),
       feedback_(nominal.size()),
       reference_(nominal.size()),
       friction_(detail::smooth_friction(nominal)) {}
 
 void ComputedTorque::operator()(const Eigen::VectorXd& q_d, const Eigen::VectorXd& dq_d,
                                 const Eigen::VectorXd& ddq_d, const Eigen::VectorXd& q,
-                                const Eigen::VectorXd& dq, Eigen::VectorXd& tau) noexcept {
-  feedback_ = gains_.stiffness * (q_d - q) + gains_.damping * (dq_d - dq);
+                                const Eigen::VectorXd& dq, double dt, Eigen::VectorXd& tau) noexcept {
+  integral_ += dt * (q_d - q);
+  feedback_ = gains_.stiffness * (q_d - q) + gains_.damping * (dq_d - dq) + gains_.integral * integral_;
   reference_ = ddq_d + feedback_;
   inverse_dynamics(model_, ws_, q, dq, reference_, tau);
   for (Eigen::Index j = 0; j < tau.size(); ++j)

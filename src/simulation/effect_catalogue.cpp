@@ -7,6 +7,7 @@
 #include <numeric>
 #include <string_view>
 
+#include "dynid/dynamics/gravity.hpp"
 #include "dynid/error.hpp"
 #include "effects/effect_model.hpp"
 
@@ -33,6 +34,22 @@ const EffectDefinition& effect_definition(const std::string& name) {
     known += (known.empty() ? "" : ", ") + definition.spec.name;
   }
   throw Error("effect '" + name + "': unknown; known: " + known);
+}
+
+Eigen::VectorXd gravity_peaks(const Robot& robot, std::mt19937_64& random) {
+  const Model<> model(robot);
+  Workspace<> ws(model);
+  const int n = robot.size();
+  Eigen::VectorXd q(n), g(n), peak = Eigen::VectorXd::Zero(n);
+  for (int k = 0; k < 200; ++k) {
+    for (int j = 0; j < n; ++j) {
+      const JointLimits& limits = robot.joints[static_cast<std::size_t>(j)].limits;
+      q[j] = uniform(random, std::max(limits.lower, -M_PI), std::min(limits.upper, M_PI));
+    }
+    gravity(model, ws, q, g);
+    peak = peak.cwiseMax(g.cwiseAbs());
+  }
+  return peak;
 }
 
 }  // namespace detail
@@ -220,20 +237,23 @@ Effect draw_effect(const std::string& name, const Robot& robot, unsigned long se
   const int n = robot.size();
   if (spec.scope == EffectScope::pair && n < 2) refuse(name, "the robot has one joint, it takes two");
   if (!(strength > 0.0) || !std::isfinite(strength)) refuse(name, "strength must be positive");
-  std::seed_seq sequence{seed, static_cast<unsigned long>(0xeffec7)};
+  std::vector<unsigned long> seeds = {seed};  // the name too: effects of one seed have nothing in common
+  for (const char c : name) seeds.push_back(static_cast<unsigned char>(c));
+  std::seed_seq sequence(seeds.begin(), seeds.end());
   std::mt19937_64 random(sequence);
   Effect effect;
   effect.name = name;
   if (spec.scope == EffectScope::one_link) {
     effect.joints = {std::uniform_int_distribution<int>(std::max(1, n - 4), n)(random)};
   } else if (spec.scope == EffectScope::joints) {
-    std::vector<int> all(static_cast<std::size_t>(n));
-    std::iota(all.begin(), all.end(), 1);
-    const int count = std::uniform_int_distribution<int>(1, std::min(3, n))(random);
-    for (int k = 0; k < count; ++k)
-      std::swap(all[static_cast<std::size_t>(k)],
-                all[static_cast<std::size_t>(std::uniform_int_distribution<int>(k, n - 1)(random))]);
-    effect.joints.assign(all.begin(), all.begin() + count);
+    std::vector<int> able;
+    const Eigen::VectorXd peak = detail::gravity_peaks(robot, random);
+    for (int j = 1; j <= n; ++j)
+      if (peak[j - 1] >= definition.least_load * peak.maxCoeff()) able.push_back(j);
+    std::shuffle(able.begin(), able.end(), random);
+    const auto most = std::min<std::size_t>(3, able.size());
+    able.resize(std::uniform_int_distribution<std::size_t>(1, most)(random));
+    effect.joints = able;
     std::sort(effect.joints.begin(), effect.joints.end());
   }
   for (const EffectParameter& p : spec.parameters) {

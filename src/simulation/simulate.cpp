@@ -72,8 +72,9 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
   Log& log = run.log;
   log.source = "simulated";
   for (Eigen::MatrixXd* m : {&run.q, &run.dq, &run.ddq, &run.tau, &run.seen_q, &run.seen_dq, &run.seen_ddq,
-                             &run.seen_tau, &log.q, &log.dq, &log.tau, &log.tau_cmd})
+                             &run.seen_tau, &log.q, &log.dq, &log.tau})
     m->resize(rows, n);
+  if (options.record_command) log.tau_cmd.resize(rows, n);
   if (options.record_torques) {
     run.injected.assign(run.truth.effects.size(), Eigen::MatrixXd(rows, n));
     run.model_error.resize(rows, n);
@@ -82,7 +83,7 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
   Eigen::VectorXd q_d(n), dq_d(n), ddq_d(n), tau(n), other(n);
   Eigen::MatrixXd shares;
   sample(trajectory, start, q_d, dq_d, ddq_d);
-  control(q_d, dq_d, ddq_d, q_d, dq_d, tau);
+  control(q_d, dq_d, ddq_d, q_d, dq_d, 0.0, tau);
   plant.reset(q_d, dq_d, tau);
   for (Eigen::Index k = 0; k <= steps; ++k) {
     sample(trajectory, start + double(k) * dt, q_d, dq_d, ddq_d);
@@ -100,7 +101,7 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
       log.q.row(i) = plant.measured_q();
       log.dq.row(i) = plant.measured_dq();
       log.tau.row(i) = plant.measured_tau();
-      log.tau_cmd.row(i) = tau;
+      if (options.record_command) log.tau_cmd.row(i) = tau;
       if (options.record_torques) {
         plant.effect_torques(shares);
         for (std::size_t e = 0; e < run.injected.size(); ++e)
@@ -116,7 +117,7 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
                     std::to_string(run.t[i]) + " s");
     }
     if (k == steps) break;
-    control(q_d, dq_d, ddq_d, plant.measured_q(), plant.measured_dq(), tau);
+    control(q_d, dq_d, ddq_d, plant.measured_q(), plant.measured_dq(), dt, tau);
     plant.step(tau, dt);
   }
   log.t = run.t;

@@ -21,12 +21,13 @@ struct SimulateOptions {
   double integration_rate = 4000.0;  ///< [Hz] at least
   ControlGains gains;
   bool record_acceleration = false;  ///< the log has the true ddq (and, without jitter, is exact)
+  bool record_command = false;       ///< the log has tau_cmd
   bool record_torques = true;        ///< fill `injected` and `model_error`
 };
 
 /// A closed-loop run. Matrices are N x n, rows those of the log before any packet was lost.
 struct SimulatedRun {
-  Log log;            ///< what the robot gives: t, q, dq, tau, tau_cmd (and ddq where asked for)
+  Log log;            ///< what the robot gives: t, q, dq, tau (ddq, tau_cmd where asked for)
   Robot truth;        ///< the robot that was simulated: true parameters, and all its effects, completed
   Eigen::VectorXd t;  ///< [s] true instants of the rows
   Eigen::MatrixXd q, dq, ddq;  ///< true motion of the links [rad, rad/s, rad/s^2]

@@ -72,6 +72,8 @@ struct EffectDefinition {
   std::unique_ptr<EffectModel> (*make)(const Effect&, const Robot&);  ///< of a completed effect
   /// Draws what the ranges of the spec cannot say; may be null.
   void (*draw)(Effect&, const Robot&, std::mt19937_64&, double strength, double duration) = nullptr;
+  /// Joints to draw carry at least this part of the largest gravity torque: elsewhere it would not be felt.
+  double least_load = 0.0;
 };
 
 // The families, each in its file.
@@ -107,6 +109,9 @@ using Scale = EffectParameter::Scale;
 inline double uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
+
+/// Largest gravity torque [N m] of each joint over random poses within the limits.
+Eigen::VectorXd gravity_peaks(const Robot& robot, std::mt19937_64& random);
 
 /// The smoothing of sign(dq) that every dry friction has as a parameter.
 inline EffectParameter velocity_scale() {

@@ -145,8 +145,8 @@ std::vector<EffectDefinition> friction_effects() {
       {{"stribeck_friction",
         "Fs exp(-(dq / v)^2) sign(dq): what breaking away takes beyond Coulomb friction",
         EffectScope::joints,
-        {{"static", "N m", "Fs", true, {1.5}, 0.0, 1000.0, {1.5}, {4.0}, false, Scale::times},
-         {"stribeck_velocity", "rad/s", "v", true, {0.1}, 1e-3, 10.0, {0.05}, {0.3}},
+        {{"static", "N m", "Fs", true, {1.0}, 0.0, 1000.0, {0.8}, {2.0}, false, Scale::times},
+         {"stribeck_velocity", "rad/s", "v", true, {0.2}, 1e-3, 10.0, {0.1}, {0.4}},
          velocity_scale()}},
        &make_model<StribeckFriction>},
       {{"load_dependent_friction",
@@ -154,7 +154,9 @@ std::vector<EffectDefinition> friction_effects() {
         EffectScope::joints,
         {{"coefficient", "1", "Fl", true, {0.08}, 0.0, 0.9, {0.06}, {0.2}, false, Scale::times},
          velocity_scale()}},
-       &make_model<LoadDependentFriction>}};
+       &make_model<LoadDependentFriction>,
+       nullptr,
+       0.05}};
 }
 
 }  // namespace dynid::detail

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dynid/dynamics/gravity.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {
@@ -99,31 +98,12 @@ class EncoderOffset : public EffectModel {
   Eigen::VectorXd offset_;
 };
 
-/// A joint that carries weight is chosen, and a limit that it meets.
+/// A limit that the joint's gravity torque meets.
 void draw_limit(Effect& effect, const Robot& robot, std::mt19937_64& random, double strength, double) {
-  const Model<> model(robot);
-  Workspace<> ws(model);
-  const int n = robot.size();
-  Eigen::VectorXd q(n), g(n), peak = Eigen::VectorXd::Zero(n);
-  for (int k = 0; k < 200; ++k) {
-    for (int j = 0; j < n; ++j) {
-      const JointLimits& limits = robot.joints[static_cast<std::size_t>(j)].limits;
-      q[j] = uniform(random, std::max(limits.lower, -M_PI), std::min(limits.upper, M_PI));
-    }
-    gravity(model, ws, q, g);
-    peak = peak.cwiseMax(g.cwiseAbs());
-  }
-  Eigen::Index heaviest = 0;
-  peak.maxCoeff(&heaviest);
-  std::vector<int> loaded;
-  for (int j = 0; j < n; ++j)
-    if (peak[j] > 0.25 * peak[heaviest]) loaded.push_back(j + 1);
-  effect.joints = {loaded.empty() ? 1 : loaded[random() % loaded.size()]};
-  std::vector<double> limit(static_cast<std::size_t>(n), 0.0);
-  const int joint = effect.joints.front() - 1;
-  limit[static_cast<std::size_t>(joint)] =
-      std::max(1e-3, peak[joint] * (1.0 - std::min(strength, 1.5) * uniform(random, 0.3, 0.6)));
-  effect.parameters["limit"] = limit;
+  const Eigen::VectorXd peak = gravity_peaks(robot, random);
+  for (const int joint : effect.joints)
+    effect.parameters["limit"][static_cast<std::size_t>(joint - 1)] =
+        std::max(1e-3, peak[joint - 1] * (1.0 - std::min(strength, 1.5) * uniform(random, 0.3, 0.6)));
 }
 
 }  // namespace
@@ -138,7 +118,9 @@ std::vector<EffectDefinition> sensor_effects() {
             "G tau: the sensor reads (1 + G) tau",
             EffectScope::joints,
             {{"gain", "1", "G", true, {0.1}, -0.99, 10.0, {0.08}, {0.25}, true, Scale::times}}},
-           &make_model<TorqueGain>},
+           &make_model<TorqueGain>,
+           nullptr,
+           0.05},
           {{"time_delay",
             "tau(t - d) - tau(t): the measured torque is late",
             EffectScope::whole_arm,
@@ -148,13 +130,16 @@ std::vector<EffectDefinition> sensor_effects() {
             "(d tau / d q) dq0: the true position is the measured one + dq0",
             EffectScope::joints,
             {{"offset", "rad", "dq0", true, {0.03}, -M_PI, M_PI, {0.02}, {0.08}, true, Scale::times}}},
-           &make_model<EncoderOffset>},
+           &make_model<EncoderOffset>,
+           nullptr,
+           0.05},
           {{"torque_saturation",
             "the measured torque stops at +-limit",
             EffectScope::joints,
             {{"limit", "N m", "0: none on this joint", true, {20.0}, 0.0, 1e4, {5.0}, {30.0}}}},
            &make_model<TorqueSaturation>,
-           &draw_limit}};
+           &draw_limit,
+           0.5}};
 }
 
 }  // namespace dynid::detail

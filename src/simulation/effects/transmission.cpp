@@ -38,7 +38,7 @@ EffectParameter stiffness(double initial, double low, double high, Scale scale) 
   return {"stiffness", "N m/rad", "of the spring", true, {initial}, 10.0, 1e6, {low}, {high}, false, scale};
 }
 EffectParameter motor_inertia() {
-  return {"motor_inertia", "kg m^2", "of the motor, at the joint", true, {0.2}, 1e-3, 100.0, {0.1}, {0.3}};
+  return {"motor_inertia", "kg m^2", "of the motor, at the joint", true, {0.3}, 1e-3, 100.0, {0.2}, {0.5}};
 }
 EffectParameter damping_ratio() {
   return {"damping_ratio", "1", "of the motor on the spring", false, {0.1}, 0.0, 1.0, {0.05}, {0.2}};
