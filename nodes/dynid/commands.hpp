@@ -12,6 +12,7 @@ void add_reverse(CLI::App& app, int& status);
 void add_torque(CLI::App& app, int& status);
 void add_retrieve(CLI::App& app, int& status);
 void add_excite(CLI::App& app, int& status);
+void add_simulate(CLI::App& app, int& status);
 void add_export(CLI::App& app, int& status);
 void add_demo(CLI::App& app, int& status);
 
@@ -23,6 +24,7 @@ inline void add_commands(CLI::App& app, int& status) {
   add_torque(app, status);
   add_retrieve(app, status);
   add_excite(app, status);
+  add_simulate(app, status);
   add_export(app, status);
   add_demo(app, status);
 }
