@@ -2,6 +2,8 @@
 #include "dynid/retrieval/objective.hpp"
 
 #include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "dynid/error.hpp"
@@ -73,15 +75,20 @@ Objective Objective::one_step(const Eigen::MatrixXd& R, const Eigen::VectorXd& z
   Eigen::MatrixXd upper = qr.matrixR().topRows(rank).template triangularView<Eigen::Upper>();
   objective.A_ = upper * qr.colsPermutation().transpose();
   objective.b_ = b.head(rank);
-  objective.weighted_A_ = objective.A_;
-  objective.weighted_b_ = objective.b_;
+  // In units of the residual, so that the weight of the penalties beside it, and with it the work, does not
+  // depend on how many samples there were; nor on rounding, where data without noise leaves no residual.
+  const double energy = std::max(objective.constant_, 1e-6 * objective.b_.squaredNorm());
+  const double weight = energy > 0.0 ? 1.0 / std::sqrt(energy) : 1.0;
+  objective.weighted_A_ = weight * objective.A_;
+  objective.weighted_b_ = weight * objective.b_;
+  objective.weighted_constant_ = weight * weight * objective.constant_;
   return objective;
 }
 
 double Objective::value(const Eigen::VectorXd& pi) const { return (A_ * pi - b_).squaredNorm() + constant_; }
 
 double Objective::weighted_value(const Eigen::VectorXd& pi) const {
-  return (weighted_A_ * pi - weighted_b_).squaredNorm() + constant_;
+  return (weighted_A_ * pi - weighted_b_).squaredNorm() + weighted_constant_;
 }
 
 Eigen::VectorXd Objective::weighted_gradient(const Eigen::VectorXd& pi) const {

@@ -47,7 +47,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 /// Below this the objective is zero for every purpose.
 double floor_of(const Prepared& prepared) {
-  return 1e-18 * (prepared.b().squaredNorm() + prepared.problem().objective.constant()) + 1e-30;
+  return 1e-18 * (prepared.b().squaredNorm() + prepared.problem().objective.weighted_constant()) + 1e-30;
 }
 
 /// What to scale by where something small beside phi = `value` is added to it: phi itself, unless it is zero:
@@ -148,6 +148,7 @@ class Run {
     const std::vector<Constraint>& constraints = prepared_.bounds().constraints;
     std::vector<int> alternatives = prepared_.alternatives(found_ ? feasible_ : p);
     if (!settled_) polish(p, alternatives);
+    polish_from_inside(found_ ? feasible_ : p, alternatives);
     if (!found_ && !stopped(options_)) {
       // The printed penalties may be light beside the objective: a heavy one finds the feasible set first.
       LocalTask heavy;
@@ -187,6 +188,25 @@ class Run {
       const double after = prepared_.phi(solution.p);
       if (after <= floor_ || (!(after < before * 0.5) && solution.converged)) break;  // the scale was right
       p = solution.p;
+    }
+  }
+
+  /// An interior-point method that starts on a wall may crawl along it and take that for a minimum: the same
+  /// from half way to a point well inside, which in a convex problem leads to the minimum.
+  void polish_from_inside(const Eigen::VectorXd& p, const std::vector<int>& alternatives) {
+    if (!prepared_.interior()) return;
+    const Eigen::VectorXd inside =
+        prepared_.to_p(0.5 * (prepared_.to_x(p) + prepared_.to_x(*prepared_.interior())));
+    for (int pass = 0; pass < 4 && !stopped(options_); ++pass) {
+      const double before = found_ ? value_ : prepared_.phi(p);
+      if (before <= floor_) break;
+      LocalTask task;
+      task.hard = true;
+      task.alternatives = alternatives;
+      task.scale = 1.0 / before;
+      task.stop = options_.stop;
+      keep(detail::solve_local(prepared_, inside, task).p);
+      if (!(value_ < before * 0.5)) break;  // the scale was right
     }
   }
 

@@ -177,6 +177,35 @@ inline std::vector<LinkInertia> two_link_truth() {
   return links;
 }
 
+/// Pose of the standard DH frame of link i (0 or 1) in a frame with its origin on the joint's axis, which is
+/// its z: standard DH turns first, T_i = Rz(q) C_i.
+inline Eigen::Isometry3d two_link_frame(int i) {
+  Eigen::Isometry3d C = Eigen::Isometry3d::Identity();
+  if (i == 0) {
+    C.translation().z() = 1.5;
+    C.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // Rx(90 deg)
+  } else {
+    C.translation().x() = 0.8;
+  }
+  return C;
+}
+
+/// The same arm for the kernels, its bodies given in the standard DH frames.
+inline Robot two_link_robot(const std::vector<LinkInertia>& links) {
+  Robot robot;
+  robot.name = "two_link";
+  robot.tip = two_link_frame(1);
+  for (int i = 0; i < 2; ++i) {
+    Joint joint;
+    joint.name = "joint" + std::to_string(i + 1);
+    joint.link_name = "link" + std::to_string(i + 1);
+    if (i == 1) joint.origin = two_link_frame(0);
+    joint.parameters = transformed(to_standard(links[static_cast<std::size_t>(i)]), two_link_frame(i));
+    robot.joints.push_back(joint);
+  }
+  return robot;
+}
+
 inline Bounds two_link_bounds() {
   Bounds bounds;
   bounds.lower.resize(20);

@@ -20,7 +20,8 @@ class Objective {
   /// One step: |Y [pi; x] - tau|^2 on the triangular factor [R | z] of [Y | tau], `residual_energy` being
   /// what the factor leaves, so that the cost does not depend on the number of samples. The first
   /// `parameters` (10 n) columns of `R` are the standard parameters'; the others (friction) are free and
-  /// eliminated: see linear_unknowns().
+  /// eliminated: see linear_unknowns(). Weighted by the inverse of the energy that no parameters explain (at
+  /// least 1e-6 of what they do).
   static Objective one_step(const Eigen::MatrixXd& R, const Eigen::VectorXd& z, double residual_energy,
                             int parameters);
 
@@ -28,7 +29,7 @@ class Objective {
 
   /// |A pi - b|^2 + constant, unweighted.
   double value(const Eigen::VectorXd& pi) const;
-  /// The weighted value that is minimised.
+  /// The weighted value that is minimised: |W (A pi - b)|^2 + weighted_constant().
   double weighted_value(const Eigen::VectorXd& pi) const;
   /// Gradient of weighted_value().
   Eigen::VectorXd weighted_gradient(const Eigen::VectorXd& pi) const;
@@ -38,12 +39,12 @@ class Objective {
 
   const Eigen::MatrixXd& weighted_matrix() const noexcept { return weighted_A_; }
   const Eigen::VectorXd& weighted_rhs() const noexcept { return weighted_b_; }
-  double constant() const noexcept { return constant_; }
+  double weighted_constant() const noexcept { return weighted_constant_; }
 
  private:
   Eigen::MatrixXd A_, weighted_A_;
   Eigen::VectorXd b_, weighted_b_;
-  double constant_ = 0.0;
+  double constant_ = 0.0, weighted_constant_ = 0.0;
   Eigen::MatrixXd unknowns_of_pi_;  // x = unknowns_offset_ - unknowns_of_pi_ * pi
   Eigen::VectorXd unknowns_offset_;
 };

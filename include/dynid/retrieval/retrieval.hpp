@@ -80,7 +80,7 @@ struct RetrievalRun {
   int index = 0;
   std::uint64_t seed = 0;
   double objective = 0.0;  ///< phi of its solution, unweighted
-  double weighted = 0.0;   ///< what was minimised; equals `objective` without weights
+  double weighted = 0.0;   ///< what was minimised: Objective::weighted_value()
   double penalty = 0.0;    ///< gamma: sum of the exterior penalties, eq. (32); 0 when feasible
   bool feasible = false;   ///< every margin >= 0
   double seconds = 0.0;
@@ -89,7 +89,7 @@ struct RetrievalRun {
   Eigen::VectorXd nearest;
 };
 
-/// The solution at one weight of the prior: minimises phi + weight * distance.
+/// The solution at one weight of the prior: minimises Objective::weighted_value() + weight * distance.
 struct PriorTradeOff {
   double weight = 0.0;
   double objective = 0.0;
