@@ -87,7 +87,7 @@ std::vector<EffectDefinition> transmission_effects();
 std::vector<EffectDefinition> coupling_effects();
 std::vector<EffectDefinition> contact_effects();
 
-/// All of them, in the order of the catalogue's list of names.
+/// All of them, family by family.
 const std::vector<EffectDefinition>& effect_definitions();
 const EffectDefinition& effect_definition(const std::string& name);
 
