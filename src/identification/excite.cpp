@@ -36,7 +36,9 @@ using detail::Proximity;
 constexpr double least_movement = 0.01;   // [rad or m] below which a joint does not move
 constexpr double check_rate = 1000.0;     // [Hz] limits are checked at
 constexpr double criterion_rate = 200.0;  // [Hz] the reported criterion is computed at
-constexpr double most_periods = 3.0;      // in the duration, where the base frequency is free
+// Periods in the duration, where the base frequency is free. A series rests at its ends only by jerk-free
+// starts where they approach a whole number, and by fewer conditions at it: searches would stick there.
+constexpr double fewest_periods = 1.02, most_periods = 1.98, most_periods_ramped = 3.0;
 
 /// Uniform and normal numbers that are the same on every platform.
 class Random {
@@ -112,12 +114,11 @@ struct Frequency {
 Frequency frequency_of_start(const ExciteOptions& options, int start, Random& random) {
   if (options.base_period > 0.0) return {options.base_period, false};
   const double D = options.duration;
-  if (options.kind == MotionKind::ramped || (options.harmonics > 2 && start % 4 == 3))
-    return {D / random.uniform(1.1, most_periods - 0.1), true};
+  if (options.kind == MotionKind::ramped || (options.harmonics > 2 && start % 4 == 2))
+    return {D / random.uniform(1.1, 1.9), true};
   // A series whose ends coincide keeps two coefficients more a joint: whole numbers of periods have starts of
   // their own.
-  const int periods[] = {2, 1, 2, 3};
-  return {D / periods[start % 4], false};
+  return {start % 4 == 1 ? D / 2.0 : D, false};
 }
 
 Eigen::VectorXd first_guess(const Robot& robot, const ExciteObjective& objective, const MotionShape& shape,
@@ -372,7 +373,7 @@ void check_limits(const Robot& robot, const CollisionModel& collision, const Exc
 
 Excitation excite(const Robot& robot, const CollisionModel& collision, const ExciteOptions& options) {
   check_options(robot, options);
-  check_limits(robot, collision, options);  // before validate() there: its words are about motions
+  check_limits(robot, collision, options);
   const BaseParameters base = base_parameters(robot, options.regressor.rotor_inertia);
 
   struct Candidate {
@@ -405,9 +406,9 @@ Excitation excite(const Robot& robot, const CollisionModel& collision, const Exc
                        options.ramp};
     candidate.objective =
         std::make_unique<ExciteObjective>(robot, base, collision, options, candidate.shape, candidate.free);
-    // Short of the whole duration, where the ends of a series would meet and their conditions merge.
-    const double low = std::log(1.02 * frequency.period / options.duration),
-                 high = std::log(most_periods * frequency.period / options.duration);
+    const double periods = options.duration / frequency.period;
+    const double most = options.kind == MotionKind::ramped ? most_periods_ramped : most_periods;
+    const double low = std::log(fewest_periods / periods), high = std::log(most / periods);
     candidate.search = std::make_unique<Search>(
         *candidate.objective, first_guess(robot, *candidate.objective, candidate.shape, random),
         candidate.free ? low : 0.0, candidate.free ? high : 0.0);

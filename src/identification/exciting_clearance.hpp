@@ -14,11 +14,13 @@ namespace dynid::detail {
 struct Proximity {
   int pair = 0;                ///< which, see Clearances::pairs()
   double distance = 0.0;       ///< [m]; negative: they overlap by as much
-  Eigen::Vector3d on_a, on_b;  ///< nearest points, in the base frame
-  Eigen::Vector3d normal;      ///< unit vector along which b moves away from a
+  Eigen::Vector3d on_a, on_b;  ///< points of both on the line of nearest approach, in the base frame
+  Eigen::Vector3d
+      normal;  ///< in the base frame: the distance grows by normal . (motion of on_b less that of on_a)
 };
 
-/// Distances between the bodies of a collision model, by FCL. Not for two threads at once.
+/// Distances between the bodies of a collision model: of capsules by FCL, of a capsule and a box or the floor
+/// by what they are. Not for two threads at once.
 class Clearances {
  public:
   enum class Kind { self_collision, floor, box };

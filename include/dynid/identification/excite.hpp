@@ -35,8 +35,8 @@ struct ExciteOptions {
   RegressorOptions regressor;
   int harmonics = 5;         ///< L
   double duration = 21.0;    ///< [s], from rest to rest
-  double base_period = 0.0;  ///< [s] of the series, 2 pi / w; 0: optimised, between a third and the whole of
-                             ///< `duration`
+  double base_period = 0.0;  ///< [s] of the series, 2 pi / w; 0: optimised. Starts of a `fourier` motion then
+                             ///< have one period, or two, or a number between; a `ramped` one, one to three
   double ramp = 1.0;         ///< [s] of a ramped motion's start and end
   double margin = 0.05;  ///< share of every limit that is aimed to be left free (of half the range, for q)
   std::uint64_t seed = 1;
