@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
-#include <random>
 #include <sstream>
 
 #include "dynid/command.hpp"
@@ -18,6 +17,7 @@
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/signal/table.hpp"
+#include "dynid/simulation/simulate.hpp"
 
 namespace dynid {
 namespace {
@@ -44,43 +44,27 @@ constexpr double b[harmonics][joints] = {{-0.1136, -0.2437, 0.3898, 0.0401, 0.54
                                          {0.2357, 0.4252, 0.2726, 0.3693, 0.2448, -0.0698, -0.4833}};
 constexpr double q0[joints] = {-0.5850, -0.1744, -0.3373, -1.8767, -1.0631, 1.7917, -0.7284};
 
-/// 21 s of that motion at about 1 kHz: jittered stamps, repeated rows, velocities 2 ms late, quantised
-/// positions, noisy torques.
+/// 21 s of that motion by the simulated robot: the log that its electronics would give.
 Log record(const Robot& robot, unsigned seed) {
-  constexpr double duration = 21.0, velocity_lag = 0.002, torque_noise = 0.05, resolution = 1e-5;
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  std::vector<double> stamps;
-  for (double t = 0.0; t < duration; t += 0.001 + 0.0001 * std::abs(normal(random))) stamps.push_back(t);
-  const auto n = static_cast<Eigen::Index>(stamps.size());
-  Log log;
-  log.source = "demo";
-  log.t = Eigen::Map<Eigen::VectorXd>(stamps.data(), n);
-  Eigen::MatrixXd dq = Eigen::MatrixXd::Zero(n, joints), ddq = dq;
-  log.q = log.dq = dq;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const double t = log.t[i];
-    for (int j = 0; j < joints; ++j) {
-      log.q(i, j) = q0[j];
-      for (int l = 0; l < harmonics; ++l) {
-        const double w = (l + 1) * base_frequency;
-        log.q(i, j) += (a[l][j] * std::sin(w * t) - b[l][j] * std::cos(w * t)) / w;
-        dq(i, j) += a[l][j] * std::cos(w * t) + b[l][j] * std::sin(w * t);
-        ddq(i, j) += w * (b[l][j] * std::cos(w * t) - a[l][j] * std::sin(w * t));
-        log.dq(i, j) +=
-            a[l][j] * std::cos(w * (t - velocity_lag)) + b[l][j] * std::sin(w * (t - velocity_lag));
-      }
+  Trajectory motion;
+  motion.source = "the letter's motion";
+  motion.t = Eigen::VectorXd::LinSpaced(21001, 0.0, 21.0);
+  motion.q = motion.dq = motion.ddq = Eigen::MatrixXd::Zero(motion.t.size(), joints);
+  for (int j = 0; j < joints; ++j) {
+    motion.q.col(j).setConstant(q0[j]);
+    for (int l = 0; l < harmonics; ++l) {
+      const double w = (l + 1) * base_frequency;
+      const Eigen::ArrayXd c = (w * motion.t).array().cos(), s = (w * motion.t).array().sin();
+      motion.q.col(j).array() += (a[l][j] * s - b[l][j] * c) / w;
+      motion.dq.col(j).array() += a[l][j] * c + b[l][j] * s;
+      motion.ddq.col(j).array() += w * (b[l][j] * c - a[l][j] * s);
     }
   }
-  log.tau = predict_torque(robot, log.q, dq, ddq).tau;
-  for (double& x : log.tau.reshaped()) x += torque_noise * normal(random);
-  for (double& x : log.dq.reshaped()) x += 1e-3 * normal(random);
-  log.q = (log.q / resolution).array().round() * resolution;
-  for (Eigen::Index i = 1; i < n; ++i) {
-    if (random() % 20 != 0) continue;
-    for (Eigen::MatrixXd* m : {&log.q, &log.dq, &log.tau}) m->row(i) = m->row(i - 1).eval();
-  }
-  return log;
+  SimulateOptions options;
+  options.measurement = MeasurementOptions::realistic();
+  options.seed = seed;
+  options.record_torques = false;
+  return simulate(robot, {}, motion, options).log;
 }
 
 /// Measured and predicted torque of every joint, by gnuplot; empty where there is no gnuplot.
@@ -122,9 +106,9 @@ th { background: #f2f5f8 } td:first-child, th:first-child, td.left { text-align:
 </style></head><body><h1>A Panda, identified</h1><p class="lead">)"
        << id.rank << " coefficients from 21 s of the letter's exciting motion; relative error of the torques "
        << id.fit.relative_error_percent << " %, condition number " << id.condition_number
-       << ".</p>\n<p>The log was computed from the published parameters (Gaz et al. 2019, Tables VIII and "
-          "IX, friction of "
-          "eq. (25)), then given a robot's faults. What the checks found of them:</p><ul>\n";
+       << ".</p>\n<p>The log is a simulated robot's with the published parameters (Gaz et al. 2019, Tables "
+          "VIII and IX, friction of "
+          "eq. (25)) and a robot's electronics. What the checks found in it:</p><ul>\n";
   for (const DataIssue& issue : id.logs[0].report.issues)
     html << "<li><b>" << issue.name << "</b>: " << issue.text << "</li>\n";
   html << "</ul><h2>Torque error by joint, low-passed at " << id.cutoff
