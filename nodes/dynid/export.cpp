@@ -22,6 +22,7 @@ ExportText exported(const Robot& robot, const Arguments& a) {
   if (a.format == "mjcf") return to_mjcf(robot);
   if (a.format == "sdf") return to_sdf(robot);
   if (a.format == "franka") return to_franka_inertials(robot);
+  if (a.format == "header") return to_header(robot);
   const UrdfText urdf = a.into.empty() ? to_urdf(robot) : update_urdf(read_file(a.into), a.into, robot);
   return {urdf.text, urdf.not_expressed};
 }
@@ -52,10 +53,10 @@ void add_export(CLI::App& app, int& status) {
   a->model.add_to(*command, "--model");
   command
       ->add_option("--format", a->format,
-                   "urdf, mjcf (MuJoCo), sdf (Gazebo), yaml (this program's) or franka (the inertials that "
-                   "franka_description reads)")
+                   "urdf, mjcf (MuJoCo), sdf (Gazebo), yaml (this program's), header (C++) or franka (the "
+                   "inertials that franka_description reads)")
       ->required()
-      ->check(CLI::IsMember({"urdf", "mjcf", "sdf", "yaml", "franka"}));
+      ->check(CLI::IsMember({"urdf", "mjcf", "sdf", "yaml", "header", "franka"}));
   command
       ->add_option("--into", a->into,
                    "With urdf: a URDF whose inertials and joint dynamics are replaced, the rest untouched")

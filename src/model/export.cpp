@@ -6,12 +6,14 @@
 #include <cmath>
 #include <set>
 
+#include "not_expressed.hpp"
 #include "text.hpp"
 #include "xml_index.hpp"
 
 namespace dynid {
 namespace {
 
+using detail::list_effects_not_expressed;
 using detail::number;
 
 constexpr double unlimited = 1e16;  // what simulators write, and take, for a limit that there is not
@@ -120,7 +122,25 @@ std::string mjcf_inertial(const LinkInertia& body) {
          attribute("diaginertia", triple(principal.moments)) + "/>\n";
 }
 
-std::string mjcf_joint(const Joint& joint, std::vector<std::string>& list) {
+/// Springs at joint `k`, in parallel.
+struct Spring {
+  double stiffness = 0.0, moment = 0.0;  // [N m/rad], stiffness times rest position [N m]
+};
+
+Spring spring_of(const Robot& robot, std::size_t k) {
+  Spring spring;
+  for (const Effect& effect : robot.effects) {
+    if (effect.name != "joint_spring") continue;
+    const auto stiffness = effect.parameters.find("stiffness"), rest = effect.parameters.find("rest");
+    if (stiffness == effect.parameters.end() || stiffness->second.size() != robot.joints.size()) continue;
+    spring.stiffness += stiffness->second[k];
+    if (rest != effect.parameters.end() && rest->second.size() == robot.joints.size())
+      spring.moment += stiffness->second[k] * rest->second[k];
+  }
+  return spring;
+}
+
+std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std::string>& list) {
   const std::string prefix = "joint '" + joint.name + "': ";
   const JointLimits& limits = joint.limits;
   const LinearFriction& friction = joint.friction.linear;
@@ -136,6 +156,11 @@ std::string mjcf_joint(const Joint& joint, std::vector<std::string>& list) {
   if (friction.viscous != 0.0) text += attribute("damping", number(friction.viscous));
   if (friction.coulomb > 0.0) text += attribute("frictionloss", number(friction.coulomb));
   if (joint.rotor_inertia > 0.0) text += attribute("armature", number(joint.rotor_inertia));
+  if (spring.stiffness > 0.0)
+    text += attribute("stiffness", number(spring.stiffness)) +
+            attribute("springref", number(spring.moment / spring.stiffness + 0.0));
+  else if (spring.stiffness < 0.0 || spring.moment != 0.0)
+    list.push_back(prefix + "spring of stiffness " + number(spring.stiffness) + " N m/rad");
   if (friction.coulomb < 0.0)
     list.push_back(prefix + "negative Coulomb friction " + number(friction.coulomb) + " N m");
   if (joint.rotor_inertia < 0.0)
@@ -211,6 +236,40 @@ std::string yaml_number(double value) {
   return text;
 }
 
+// ---------------------------------------------------------------------------------------------------- header
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 32 || c == '\\') c = ' ';
+  return text;
+}
+
+/// A name that C++ takes for a namespace: every other sign becomes an underscore.
+std::string identifier(const std::string& name) {
+  std::string text;
+  for (const char c : name) {
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+    text += letter || (c >= '0' && c <= '9') ? c : '_';
+  }
+  const bool bare = text.empty() || text[0] == '_' || (text[0] >= '0' && text[0] <= '9');
+  return (bare ? "robot" : "") + text + "_model";  // which is no keyword
+}
+
+/// A string literal; what is not plain ASCII, and what could make a trigraph or end it, as octal.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code >= 32 && code < 127 && c != '"' && c != '\\' && c != '?') {
+      out += c;
+      continue;
+    }
+    out += '\\';
+    for (int shift = 6; shift >= 0; shift -= 3) out += static_cast<char>('0' + ((code >> shift) & 7));
+  }
+  return out + "\"";
+}
+
 }  // namespace
 
 ExportText to_mjcf(const Robot& robot) {
@@ -230,10 +289,11 @@ ExportText to_mjcf(const Robot& robot) {
     ++open;
   };
   if (robot.base_link != "world") open_body(robot.base_link, "");
-  for (const Joint& joint : robot.joints) {
+  for (std::size_t k = 0; k < robot.joints.size(); ++k) {
+    const Joint& joint = robot.joints[k];
     const LinkInertia body = from_standard(joint.parameters);
     open_body(joint.link_name, mjcf_pose(joint.origin));
-    text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, out.not_expressed);
+    text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, spring_of(robot, k), out.not_expressed);
     motors += mjcf_motor(joint);
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
     constexpr double least = 1e-15;  // mjMINVAL
@@ -246,6 +306,7 @@ ExportText to_mjcf(const Robot& robot) {
     text += indent + "</body>\n";
   }
   text += "  </worldbody>\n  <actuator>\n" + motors + "  </actuator>\n</mujoco>\n";
+  list_effects_not_expressed(robot, {"joint_spring"}, out.not_expressed);
   return out;
 }
 
@@ -290,6 +351,7 @@ ExportText to_sdf(const Robot& robot) {
   text += "  </model>\n</sdf>\n";
   out.not_expressed.push_back("gravity " + triple(robot.gravity) +
                               " m/s^2 in the base frame: a property of the world in SDF");
+  list_effects_not_expressed(robot, {}, out.not_expressed);
   return out;
 }
 
@@ -310,6 +372,125 @@ ExportText to_franka_inertials(const Robot& robot) {
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
   }
   out.not_expressed.push_back("everything but the inertia of the moving links: frames, limits, friction");
+  list_effects_not_expressed(robot, {}, out.not_expressed);
+  return out;
+}
+
+ExportText to_header(const Robot& robot) {
+  validate(robot);
+  ExportText out;
+  const int n = robot.size();
+  const std::string size = "[" + std::to_string(n) + "]";
+  const auto literal = [](double value) {
+    return std::isinf(value) ? std::string(value < 0.0 ? "-none" : "none") : number(value);
+  };
+  const auto row = [&](const std::vector<double>& values) {
+    std::string text;
+    for (const double value : values) text += (text.empty() ? "{" : ", ") + literal(value);
+    return text + "}";
+  };
+  const auto pose = [&](const Eigen::Isometry3d& T) {
+    std::vector<double> values;
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 4; ++c) values.push_back(T(r, c));
+    return row(values);
+  };
+  const auto table = [&](const std::string& declaration, const std::string& about, const auto& entry) {
+    out.text += "/// " + about + "\nconstexpr " + declaration + " = {\n";
+    for (const Joint& joint : robot.joints) out.text += "    " + entry(joint) + ",\n";
+    out.text += "};\n";
+  };
+  out.text =
+      "// Robot '" + one_line(robot.name) +
+      "', written by dynid export: no include but the standard library's.\n"
+      "// With dynid::core: const dynid::Model<" +
+      std::to_string(n) + "> model(" + identifier(robot.name) +
+      "::make_robot<dynid::Robot>());\n#pragma once\n\n"
+      "#include <limits>\n\nnamespace " +
+      identifier(robot.name) +
+      " {\n\n"
+      "constexpr int joints = " +
+      std::to_string(n) +
+      ";\n"
+      "constexpr double none = std::numeric_limits<double>::infinity();  ///< where a limit is not known\n"
+      "constexpr char name[] = " +
+      quoted(robot.name) + ", base_link[] = " + quoted(robot.base_link) +
+      ", tip_link[] = " + quoted(robot.tip_link) + ";\n";
+  table("const char* joint_names" + size, "Joints, base to tip.",
+        [&](const Joint& joint) { return quoted(joint.name); });
+  table("const char* link_names" + size, "The links that they carry.",
+        [&](const Joint& joint) { return quoted(joint.link_name); });
+  table("char types" + size, "'r' revolute, 'c' continuous, 'p' prismatic.", [](const Joint& joint) {
+    return std::string(joint.type == JointType::prismatic    ? "'p'"
+                       : joint.type == JointType::continuous ? "'c'"
+                                                             : "'r'");
+  });
+  table("double origins" + size + "[12]",
+        "Link frame at q = 0 in the parent's link frame: [R p], 3 x 4 row by row, m.",
+        [&](const Joint& joint) { return pose(joint.origin); });
+  table("double axes" + size + "[3]", "Joint axis, unit vector in the link frame.", [&](const Joint& joint) {
+    return row({joint.axis[0], joint.axis[1], joint.axis[2]});
+  });
+  table("double parameters" + size + "[10]",
+        "m, mx, my, mz, xx, xy, yy, xz, yz, zz about the origin of the link frame: kg, kg m, kg m^2.",
+        [&](const Joint& joint) {
+          return row({joint.parameters.data(), joint.parameters.data() + 10});
+        });
+  table("double friction" + size + "[7]",
+        "viscous, coulomb, offset, velocity_scale, eq. (24); phi1, phi2, phi3, eq. (25).",
+        [&](const Joint& joint) {
+          const LinearFriction& l = joint.friction.linear;
+          const SigmoidFriction& s = joint.friction.sigmoid;
+          return row({l.viscous, l.coulomb, l.offset, l.velocity_scale, s.phi1, s.phi2, s.phi3});
+        });
+  table("double rotor_inertias" + size, "On the joint's side of the gear, kg m^2.",
+        [&](const Joint& joint) { return literal(joint.rotor_inertia); });
+  table("double limits" + size + "[7]",
+        "Position (lower, upper), velocity, acceleration, jerk, torque, torque rate.",
+        [&](const Joint& joint) {
+          const JointLimits& l = joint.limits;
+          return row({l.lower, l.upper, l.velocity, l.acceleration, l.jerk, l.torque, l.torque_rate});
+        });
+  out.text +=
+      "/// The tip in the last link's frame, as the origins.\nconstexpr double tip[12] = " + pose(robot.tip) +
+      ";\n/// In the base frame, m/s^2.\nconstexpr double gravity[3] = " +
+      row({robot.gravity[0], robot.gravity[1], robot.gravity[2]}) + ";\n";
+  out.text += R"(
+/// All of it as a dynid::Robot, which is named where this is called so that nothing needs including here.
+template <class Robot>
+Robot make_robot() {
+  Robot robot;
+  robot.name = name;
+  robot.base_link = base_link;
+  robot.tip_link = tip_link;
+  robot.joints.resize(joints);
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c) robot.tip(r, c) = tip[4 * r + c];
+    robot.gravity[r] = gravity[r];
+  }
+  for (int k = 0; k < joints; ++k) {
+    auto& joint = robot.joints[k];
+    using Type = decltype(joint.type);
+    joint.name = joint_names[k];
+    joint.link_name = link_names[k];
+    joint.type = types[k] == 'p' ? Type::prismatic : types[k] == 'c' ? Type::continuous : Type::revolute;
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 4; ++c) joint.origin(r, c) = origins[k][4 * r + c];
+      joint.axis[r] = axes[k][r];
+    }
+    for (int i = 0; i < 10; ++i) joint.parameters[i] = parameters[k][i];
+    joint.friction.linear = {friction[k][0], friction[k][1], friction[k][2], friction[k][3]};
+    joint.friction.sigmoid = {friction[k][4], friction[k][5], friction[k][6]};
+    joint.rotor_inertia = rotor_inertias[k];
+    joint.limits = {limits[k][0], limits[k][1], limits[k][2], limits[k][3],
+                    limits[k][4], limits[k][5], limits[k][6]};
+  }
+  return robot;
+}
+
+}  // namespace )" +
+              identifier(robot.name) + "\n";
+  list_effects_not_expressed(robot, {}, out.not_expressed);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "dynid/file.hpp"
+#include "not_expressed.hpp"
 #include "text.hpp"
 #include "urdf_chain.hpp"
 
@@ -342,6 +343,7 @@ UrdfText to_urdf(const Robot& robot) {
   }
   urdf.text += "</robot>\n";
   list_gravity_not_expressed(robot.gravity, urdf_gravity, urdf.not_expressed);
+  detail::list_effects_not_expressed(robot, {}, urdf.not_expressed);
   return urdf;
 }
 
@@ -369,6 +371,7 @@ UrdfText update_urdf(const std::string& text, const std::string& name, const Rob
                                urdf.not_expressed);
   }
   list_gravity_not_expressed(robot.gravity, theirs.gravity, urdf.not_expressed);
+  detail::list_effects_not_expressed(robot, {}, urdf.not_expressed);
   urdf.text = edits.apply(text);
   return urdf;
 }

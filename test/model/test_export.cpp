@@ -23,6 +23,7 @@
 
 #include "dynid/dynamics/dynamics.hpp"
 #include "dynid/friction/friction.hpp"
+#include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"
 #include "random_robot.hpp"
 
@@ -130,6 +131,28 @@ TEST(Export, NamesThatCannotBeAreRefused) {
     robot.joints.clear();
     EXPECT_NE(error_of([&] { write(robot); }), "");
   }
+}
+
+// What a patch adds is not lost silently.
+TEST(Export, EffectsAreListedWhereTheyCannotBeSaid) {
+  Random random(8);
+  Robot robot = test::random_robot(random, 3);
+  robot.effects = {{"joint_spring", {1, 3}, {{"stiffness", {2.0, 0.0, 3.0}}, {"rest", {0.1, 0.0, -0.2}}}},
+                   {"time_delay", {}, {{"delay", {0.002}}}}};
+  const auto expect_lists = [](const std::vector<std::string>& list, bool spring) {
+    const auto has = [&](const char* line) { return std::count(list.begin(), list.end(), line); };
+    EXPECT_EQ(has("effect 'joint_spring' of joint 1, 3"), spring ? 1 : 0);
+    EXPECT_EQ(has("effect 'time_delay'"), 1);
+  };
+  expect_lists(to_mjcf(robot).not_expressed, false);
+  expect_lists(to_sdf(robot).not_expressed, true);
+  expect_lists(to_franka_inertials(robot).not_expressed, true);
+  expect_lists(to_header(robot).not_expressed, true);
+  const UrdfText urdf = to_urdf(robot);
+  expect_lists(urdf.not_expressed, true);
+  expect_lists(update_urdf(urdf.text, "r.urdf", robot).not_expressed, true);
+  robot.effects[0].parameters["stiffness"][2] = -3.0;
+  EXPECT_TRUE(lists(to_mjcf(robot), "joint 'joint3': spring of stiffness -3 N m/rad"));
 }
 
 // ---------------------------------------------------------------------------------------------- MJCF
@@ -250,6 +273,29 @@ TEST(ExportMjcf, MujocoHasTheLimitsFrictionAndRotorInertia) {
     if (m->actuator_ctrllimited[k]) {
       EXPECT_EQ(m->actuator_ctrlrange[2 * k + 1], joint.limits.torque);
     }
+  }
+}
+
+TEST(ExportMjcf, MujocoHasTheSprings) {
+  Random random(9);
+  Robot robot = test::random_robot(random, 3);
+  for (Joint& joint : robot.joints) joint.friction.linear.coulomb = 0.0;
+  const Eigen::Vector3d k(2.0, 0.0, 3.0), rest(0.1, 0.0, -0.2);
+  // Two in parallel are as one between them.
+  robot.effects = {{"joint_spring", {1, 3}, {{"stiffness", {2.0, 0.0, 1.0}}, {"rest", {0.1, 0.0, -0.4}}}},
+                   {"joint_spring", {3}, {{"stiffness", {0.0, 0.0, 2.0}}, {"rest", {0.0, 0.0, -0.1}}}}};
+  const MujocoModel m = load(to_mjcf(robot).text);
+  ASSERT_TRUE(m);
+  const std::unique_ptr<mjData, void (*)(mjData*)> d(mj_makeData(m.get()), &mj_deleteData);
+  for (int state = 0; state < 20; ++state) {
+    const State s = random_state(random, robot);
+    Eigen::Map<Eigen::VectorXd>(d->qpos, 3) = s.q;
+    Eigen::Map<Eigen::VectorXd>(d->qvel, 3) = s.dq;
+    Eigen::Map<Eigen::VectorXd>(d->qacc, 3) = s.ddq;
+    mj_inverse(m.get(), d.get());
+    const Eigen::Vector3d expected = torque(robot, s) + k.cwiseProduct(s.q - rest);
+    const Eigen::Vector3d found = Eigen::Map<Eigen::VectorXd>(d->qfrc_inverse, 3);
+    EXPECT_LE((found - expected).norm(), 1e-9 * expected.norm()) << "state " << state;
   }
 }
 

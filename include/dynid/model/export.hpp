@@ -15,8 +15,9 @@ struct ExportText {
 };
 
 /// The robot for MuJoCo (MJCF): nested bodies whose frames are the link frames, hinges and slides with range,
-/// damping (viscous friction), frictionloss (Coulomb friction) and armature (rotor inertia), one motor for
-/// each joint, limited where its torque is, the tip as a site, gravity, all in SI units and rad.
+/// damping (viscous friction), frictionloss (Coulomb friction), armature (rotor inertia), stiffness and
+/// springref (the effect joint_spring), one motor for each joint, limited where its torque is, the tip as a
+/// site, gravity, all in SI units and rad.
 ///
 /// Inertia is given along principal axes found here: MuJoCo's own are good to 1e-8 only. A base link
 /// called `world` is MuJoCo's world body. Throws Error where validate() does, and when two joints or two
@@ -36,5 +37,10 @@ ExportText to_sdf(const Robot& robot);
 /// to `linkn`, each with origin (centre of mass [m] in the link frame, no rotation), mass [kg] and inertia
 /// about the centre of mass [kg m^2], in the axes of the link frame. Throws Error where validate() does.
 ExportText to_franka_inertials(const Robot& robot);
+
+/// The robot as a C++17 header of constexpr arrays in namespace `<name>_model`, which includes nothing of
+/// this library: `make_robot<dynid::Robot>()` in it makes the same Robot (the DH rows aside), for Model<n>.
+/// Throws Error where validate() does.
+ExportText to_header(const Robot& robot);
 
 }  // namespace dynid
