@@ -10,6 +10,15 @@
 #include "dynid/error.hpp"
 
 namespace dynid::detail {
+
+Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() << pose.position.x, pose.position.y, pose.position.z;
+  const urdf::Rotation& r = pose.rotation;
+  T.linear() = Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized().toRotationMatrix();
+  return T;
+}
+
 namespace {
 
 /// Keeps what urdfdom would print, while it lives.
@@ -34,14 +43,6 @@ class CapturedLog : public console_bridge::OutputHandler {
   std::string errors_;
 };
 
-Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.translation() << pose.position.x, pose.position.y, pose.position.z;
-  const urdf::Rotation& r = pose.rotation;
-  T.linear() = Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized().toRotationMatrix();
-  return T;
-}
-
 bool is_fixed(const urdf::Joint& joint) { return joint.type == urdf::Joint::FIXED; }
 
 /// True where a joint that is not fixed hangs from `joint`, or is `joint`.
@@ -60,12 +61,12 @@ void collect_leaves(const urdf::Link& link, std::string& names) {
 
 class Reader {
  public:
-  Reader(const std::string& text, const std::string& name) : name_(name) {
+  Reader(const std::string& text, const std::string& name, bool collision) : name_(name) {
     chain_.elements = index_xml(text, name);
     check_tree();
     const CapturedLog log;
     try {
-      model_ = urdf::parseURDF(without_looks(text));
+      model_ = urdf::parseURDF(without_looks(text, collision));
     } catch (const std::exception& error) {
       throw Error(name + ": " + error.what());
     }
@@ -99,11 +100,12 @@ class Reader {
   }
 
   /// The text without what a robot looks like: nothing wrong in there matters here.
-  std::string without_looks(const std::string& text) const {
+  std::string without_looks(const std::string& text, bool collision) const {
     std::string rest;
     std::size_t kept = 0;
     for (const XmlElement& element : chain_.elements) {
-      const bool looks = element.tag == "visual" || element.tag == "collision" || element.tag == "material";
+      const bool looks =
+          element.tag == "visual" || element.tag == "material" || (element.tag == "collision" && !collision);
       if (!looks || element.begin < kept) continue;
       rest.append(text, kept, element.begin - kept);
       kept = element.end;
@@ -205,12 +207,13 @@ class Reader {
         moving.joint = joints[k];
         moving.link = child;
         moving.origin = in_mover;
+        moving.bodies.push_back({child, Eigen::Isometry3d::Identity()});
         chain_.joints.push_back(moving);
         in_mover.setIdentity();
       } else if (!chain_.joints.empty()) {
-        chain_.joints.back().lumped += transformed(own_parameters(*child), in_mover);
+        lump(child, in_mover, chain_.joints.back());
       }
-      if (!chain_.joints.empty()) lump_branches(*child, next, in_mover, chain_.joints.back().lumped);
+      if (!chain_.joints.empty()) lump_branches(*child, next, in_mover, chain_.joints.back());
     }
     chain_.tip_pose = in_mover;
   }
@@ -230,16 +233,22 @@ class Reader {
       fail("joint", joint.name, "its axis has no direction");
   }
 
+  static void lump(const urdf::LinkConstSharedPtr& link, const Eigen::Isometry3d& in_mover,
+                   UrdfJoint& mover) {
+    mover.lumped += transformed(own_parameters(*link), in_mover);
+    mover.bodies.push_back({link, in_mover});
+  }
+
   /// Adds the bodies beyond every child joint of `link` but `except`, joints at zero; `in_mover` is the
   /// link's pose.
   void lump_branches(const urdf::Link& link, const urdf::Joint* except, const Eigen::Isometry3d& in_mover,
-                     StandardParameters& sum) const {
+                     UrdfJoint& mover) const {
     for (const auto& joint : link.child_joints) {
       if (joint.get() == except) continue;
       const urdf::LinkConstSharedPtr child = model_->getLink(joint->child_link_name);
       const Eigen::Isometry3d pose = in_mover * to_eigen(joint->parent_to_joint_origin_transform);
-      sum += transformed(own_parameters(*child), pose);
-      lump_branches(*child, nullptr, pose, sum);
+      lump(child, pose, mover);
+      lump_branches(*child, nullptr, pose, mover);
     }
   }
 
@@ -251,8 +260,8 @@ class Reader {
 }  // namespace
 
 UrdfChain read_chain(const std::string& text, const std::string& name, const std::string& base,
-                     const std::string& tip) {
-  return Reader(text, name).read(base, tip);
+                     const std::string& tip, bool collision) {
+  return Reader(text, name, collision).read(base, tip);
 }
 
 StandardParameters own_parameters(const urdf::Link& link) {

@@ -143,6 +143,10 @@ Eigen::Isometry3d read_pose(const Entry& entry) {
   return pose;
 }
 
+std::string relative_to(const std::string& folder, const std::string& file) {
+  return file.front() == '/' ? file : folder + file;
+}
+
 Shape read_solid(const Entry& entry, const std::string& folder) {
   const std::string type = entry.at("type").text();
   if (type == "box") {
@@ -175,8 +179,7 @@ Shape read_solid(const Entry& entry, const std::string& folder) {
   }
   if (type == "mesh") {
     entry.expect_keys({"type", "file", "xyz", "rpy", "scale"});
-    std::string file = entry.at("file").text();
-    if (file.front() != '/') file = folder + file;
+    const std::string file = relative_to(folder, entry.at("file").text());
     const Eigen::Vector3d scale = entry.has("scale") ? entry.at("scale").vector() : Eigen::Vector3d::Ones();
     return located(entry, [&] { return Shape::mesh(file, read_pose(entry), scale); });
   }
@@ -206,15 +209,25 @@ Constraint read_constraint(const Entry& entry, int links) {
 }
 
 Constraint read_shape(const Entry& entry, int links, const std::string& folder) {
-  entry.expect_keys({"link", "name", "solids", "when", "enforce"});
+  entry.expect_keys({"link", "name", "solids", "urdf", "base", "tip", "when", "enforce"});
   const int link = entry.at("link").integer();
   if (link < 1 || link > links) entry.at("link").fail("there is no such link: 1 to " + std::to_string(links));
   const std::string name = entry.has("name") ? entry.at("name").text()
                                              : "com of link " + std::to_string(link) + " inside its shape";
   std::vector<Constraint> solids;
-  for (const Entry& solid : entry.at("solids").list())
-    solids.push_back(read_solid(solid, folder).contains_com(name, link));
-  if (solids.empty()) entry.at("solids").fail("no solid is given");
+  if (entry.has("solids") == entry.has("urdf")) entry.fail("either solids or urdf is expected");
+  if (entry.has("urdf")) {
+    const auto optional = [&](const char* key) { return entry.has(key) ? entry.at(key).text() : ""; };
+    solids.push_back(located(entry.at("urdf"), [&] {
+      return Shape::collision(relative_to(folder, entry.at("urdf").text()), link, optional("base"),
+                              optional("tip"))
+          .contains_com(name, link);
+    }));
+  } else {
+    for (const Entry& solid : entry.at("solids").list())
+      solids.push_back(read_solid(solid, folder).contains_com(name, link));
+    if (solids.empty()) entry.at("solids").fail("no solid is given");
+  }
   Constraint constraint = solids.size() == 1 ? solids.front() : any_of(name, solids);
   constraint = conditional(entry, constraint, links);
   if (entry.has("enforce")) constraint.enforced = entry.at("enforce").flag();

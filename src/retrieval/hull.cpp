@@ -79,6 +79,7 @@ std::vector<Eigen::Vector3d> mesh_vertices(const std::string& path) {
     throw Error(path + ": the mesh cannot be read: " + importer.GetErrorString());
   std::vector<Eigen::Vector3d> vertices;
   add_vertices(*scene, *scene->mRootNode, aiMatrix4x4(), vertices);
+  if (vertices.empty()) throw Error(path + ": the mesh has no vertices");
   return vertices;
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -28,6 +29,7 @@ class Folder {
     std::ofstream(path_ + "/" + name, std::ios::binary) << text;
     return path_ + "/" + name;
   }
+  const std::string& path() const { return path_; }
 
  private:
   std::string path_;
@@ -248,6 +250,143 @@ TEST(Shape, MeshesAreReadFromTextAndBinaryStl) {
     EXPECT_NEAR(cube.clearance({1.9, 0.5, 0.5}), 0.1, 1e-6) << file;
     EXPECT_NEAR(cube.clearance({1.0, 0.5, 1.25}), -0.25, 1e-6) << file;
   }
+}
+
+/// A URDF of two moving links, the second with a tool behind a fixed joint; `collision` is put into link1.
+std::string urdf_with(const std::string& collision, const std::string& tool = "") {
+  return "<robot name=\"r\">\n<link name=\"base\"/>\n<link name=\"link1\">" + collision +
+         "</link>\n<link name=\"link2\"/>\n<link name=\"tool\">" + tool +
+         "</link>\n"
+         "<joint name=\"j1\" type=\"continuous\"><parent link=\"base\"/><child link=\"link1\"/>"
+         "<origin xyz=\"5 5 5\"/><axis xyz=\"0 0 1\"/></joint>\n"
+         "<joint name=\"j2\" type=\"continuous\"><parent link=\"link1\"/><child link=\"link2\"/>"
+         "<origin xyz=\"0 0 1\" rpy=\"1 0 0\"/><axis xyz=\"0 0 1\"/></joint>\n"
+         "<joint name=\"f\" type=\"fixed\"><parent link=\"link2\"/><child link=\"tool\"/>"
+         "<origin xyz=\"0 0 0.5\" rpy=\"0 0 1.5707963267948966\"/></joint>\n</robot>\n";
+}
+
+std::string collision(const std::string& geometry, const std::string& xyz = "0 0 0",
+                      const std::string& rpy = "0 0 0") {
+  return "<collision><origin xyz=\"" + xyz + "\" rpy=\"" + rpy + "\"/><geometry>" + geometry +
+         "</geometry></collision>";
+}
+
+// Law: the hull holds what its solids hold and nothing beyond the hull of their union; alone, each is exact.
+TEST(Shape, CollisionGeometryOfAUrdfIsTheLinksHull) {
+  const Folder folder;
+  const auto shape = [&](const std::string& geometry, int link = 1, const std::string& tool = "") {
+    return Shape::collision(folder.write("r.urdf", urdf_with(geometry, tool)), link);
+  };
+  const Shape box = shape(collision("<box size=\"0.2 0.4 0.6\"/>", "0.1 0 0", "0 0 1.5707963267948966"));
+  EXPECT_NEAR(box.clearance({0.1, 0, 0}), 0.1, 1e-12);
+  EXPECT_NEAR(box.clearance({0.31, 0, 0}), -0.01, 1e-12);  // 0.4 lies along x
+  const Shape sphere = shape(collision("<sphere radius=\"0.3\"/>", "0 0.1 0"));
+  EXPECT_NEAR(sphere.clearance({0, 0.35, 0}), 0.05, 1e-12);
+  const Shape cylinder =
+      shape(collision("<cylinder radius=\"0.1\" length=\"1\"/>", "0 0 0.2", "1.5707963267948966 0 0"));
+  EXPECT_NEAR(cylinder.clearance({0.03, 0.4, 0.2}), 0.07, 1e-12);
+  EXPECT_NEAR(cylinder.clearance({0, 0.51, 0.2}), -0.01, 1e-12);
+  // A sphere and a cylinder: the capsule between them, from inside.
+  const Shape both = shape(collision("<sphere radius=\"0.1\"/>", "0 0 1") +
+                           collision("<cylinder radius=\"0.1\" length=\"0.2\"/>"));
+  for (int k = 0; k < 500; ++k) {
+    const double angle = 0.1 * k, z = 0.002 * k;
+    const Eigen::Vector3d direction(std::cos(angle), std::sin(angle), 0.0);
+    EXPECT_GE(both.clearance(0.098 * direction + Eigen::Vector3d(0, 0, z)), 0.0) << k;
+    EXPECT_LT(both.clearance(0.1001 * direction + Eigen::Vector3d(0, 0, z)), 0.0) << k;
+  }
+  EXPECT_GE(both.clearance({0, 0, 1.098}), 0.0);
+  EXPECT_LT(both.clearance({0, 0, -0.1001}), 0.0);
+  // Link 2 has none of its own: its tool's, through the fixed joint, which turns x to y.
+  const Shape tool = shape("", 2, collision("<box size=\"0.4 0.2 0.2\"/>"));
+  EXPECT_NEAR(tool.clearance({0, 0.15, 0.5}), 0.05, 1e-12);
+  EXPECT_NEAR(tool.clearance({0.15, 0, 0.5}), -0.05, 1e-12);
+}
+
+TEST(Shape, MeshesOfAUrdfAreFoundInTheirPackage) {
+  const Folder folder;
+  const std::string stl =
+      "solid t\n"
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 0 1\nendloop\nendfacet\n"
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\n"
+      "facet normal 0 0 0\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\n"
+      "endsolid t\n";
+  const std::string& root = folder.path();
+  fs::create_directories(root + "/arm_description/meshes");
+  fs::create_directories(root + "/arm_description/urdf");
+  fs::create_directories(root + "/elsewhere");
+  folder.write("arm_description/meshes/t.stl", stl);
+  const auto mesh = [](const std::string& name) {
+    return urdf_with(collision("<mesh filename=\"" + name + "\" scale=\"2 2 2\"/>", "0 0 1"));
+  };
+  const auto expect_found = [](const std::string& urdf) {
+    const Shape shape = Shape::collision(urdf, 1);
+    EXPECT_NEAR(shape.clearance({0.1, 0.2, 1.3}), 0.1, 1e-6) << urdf;
+    EXPECT_LT(shape.clearance({0.7, 0.7, 1.7}), 0.0) << urdf;
+  };
+  const char* set = std::getenv("ROS_PACKAGE_PATH");
+  const std::string before = set ? set : "";
+  unsetenv("ROS_PACKAGE_PATH");
+  const std::string in_package = mesh("package://arm_description/meshes/t.stl");
+  expect_found(folder.write("arm_description/urdf/a.urdf", in_package));
+  expect_found(folder.write("arm_description/urdf/b.urdf", mesh("../meshes/t.stl")));
+  expect_found(
+      folder.write("arm_description/urdf/c.urdf", mesh("file://" + root + "/arm_description/meshes/t.stl")));
+  expect_found(folder.write("d.urdf", in_package));
+  const Folder other;
+  const std::string outside = other.write("e.urdf", in_package);
+  EXPECT_THROW(Shape::collision(outside, 1), Error);
+  for (const std::string& path : {"/no/such::" + root, root + "/elsewhere:" + root + "/arm_description"}) {
+    setenv("ROS_PACKAGE_PATH", path.c_str(), 1);
+    expect_found(outside);
+  }
+  if (set)
+    setenv("ROS_PACKAGE_PATH", before.c_str(), 1);
+  else
+    unsetenv("ROS_PACKAGE_PATH");
+}
+
+// In a bounds file: beside it, with base and tip where the tree branches; every fault in one line.
+TEST(Bounds, ShapesComeFromAUrdf) {
+  const Folder folder;
+  const std::string shapes = two_links + "shapes:\n  - {link: 1, urdf: r.urdf";
+  folder.write("r.urdf", urdf_with(collision("<box size=\"0.2 0.2 0.2\"/>")));
+  const auto read = [&](const std::string& text) { return read_bounds(folder.write("b.yaml", text)); };
+  const Bounds bounds = read(shapes + ", base: base, tip: tool, enforce: false}\n");
+  ASSERT_EQ(bounds.constraints.size(), 1u);
+  EXPECT_FALSE(bounds.constraints[0].enforced);
+  Eigen::VectorXd p = Eigen::VectorXd::Zero(20);
+  EXPECT_NEAR(bounds.constraints[0].margin(p), 0.1, 1e-12);
+  const auto refused = [&](const std::string& text, const std::string& urdf, const std::string& part) {
+    folder.write("r.urdf", urdf);
+    try {
+      read(text);
+      ADD_FAILURE() << "taken: " << text << urdf;
+    } catch (const Error& error) {
+      const std::string what = error.what();
+      EXPECT_NE(what.find("b.yaml:6"), std::string::npos) << what;
+      EXPECT_NE(what.find(part), std::string::npos) << what;
+      EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+    }
+  };
+  const std::string good = urdf_with(collision("<box size=\"0.2 0.2 0.2\"/>"));
+  refused(shapes + ", solids: []}\n", good, "either solids or urdf");
+  refused(two_links + "shapes:\n  - {link: 1}\n", good, "either solids or urdf");
+  refused(two_links + "shapes:\n  - {link: 1, urdf: none.urdf}\n", good, "none.urdf");
+  refused(two_links + "shapes:\n  - {link: 2, urdf: r.urdf, tip: link1}\n", good, "no moving link 2");
+  refused(shapes + ", tip: nothing}\n", good, "unknown tip link 'nothing'");
+  refused(two_links + "shapes:\n  - {link: 2, urdf: r.urdf}\n", good,
+          "r.urdf:4: link 'link2': neither it nor what moves with it has collision geometry");
+  refused(shapes + "}\n", urdf_with(collision("<mesh filename=\"package://p/none.stl\"/>")),
+          "r.urdf:3: link 'link1': mesh 'package://p/none.stl' was not found");
+  folder.write("bad.stl", "solid nothing");
+  refused(shapes + "}\n", urdf_with(collision("<mesh filename=\"bad.stl\"/>")), "bad.stl");
+  refused(shapes + "}\n", urdf_with(collision("<box size=\"0.2 0 0.2\"/>")), "size that is not > 0");
+  refused(shapes + "}\n", urdf_with(collision("<sphere radius=\"-1\"/>")), "r.urdf");
+  refused(shapes + "}\n", urdf_with(collision("<box size=\"a b c\"/>")), "r.urdf");
+  refused(shapes + "}\n", urdf_with(collision("<cone/>")), "r.urdf");
+  refused(shapes + "}\n", urdf_with("<collision></collision>"), "r.urdf");
 }
 
 }  // namespace

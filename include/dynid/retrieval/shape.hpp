@@ -31,6 +31,16 @@ class Shape {
   static Shape mesh(const std::string& path, const Eigen::Isometry3d& pose = Eigen::Isometry3d::Identity(),
                     const Eigen::Vector3d& scale = Eigen::Vector3d::Ones());
 
+  /// Convex hull of all the `<collision>` geometry of a URDF that moves with joint `link` (from 1) of the
+  /// chain from `base` to `tip` (see parse_urdf(): fixed joints are lumped), in its link frame. Meshes,
+  /// boxes, one cylinder or one sphere are exact; among other geometry a cylinder is the prism of 32 sides, a
+  /// sphere the polyhedron of 24 meridians and 11 parallels inscribed in it (within 2 % of the radius).
+  /// `package://name/...` is looked for in ROS_PACKAGE_PATH, then in the folders above the URDF, one of
+  /// which holds `name` or is called so; other names are relative to the URDF. Throws Error naming the file,
+  /// where known the line, and the link.
+  static Shape collision(const std::string& urdf, int link, const std::string& base = "",
+                         const std::string& tip = "");
+
   /// Clearance of `c` [m]: the smallest distance to a plane side or, radially, to a round one; negative
   /// outside.
   double clearance(const Eigen::Vector3d& c) const;
