@@ -51,7 +51,9 @@ std::vector<EffectDefinition> transmission_effects() {
             "a motor mass behind a spring K: tau = K (theta - q), theta the position measured",
             EffectScope::joints,
             {stiffness(5000.0, 1500.0, 6000.0, Scale::divided), motor_inertia(), damping_ratio()}},
-           &make_model<SpringInJoint>},
+           &make_model<SpringInJoint>,
+           nullptr,
+           0.1},
           {{"backlash",
             "the same with a stiff spring that has play: no torque inside the gap",
             EffectScope::joints,
@@ -69,7 +71,9 @@ std::vector<EffectDefinition> transmission_effects() {
              stiffness(20000.0, 15000.0, 30000.0, Scale::none),
              motor_inertia(),
              damping_ratio()}},
-           &make_model<SpringInJoint>}};
+           &make_model<SpringInJoint>,
+           nullptr,
+           0.1}};
 }
 
 }  // namespace dynid::detail
