@@ -11,8 +11,12 @@
 #include <sstream>
 
 #include "../identification/synthetic.hpp"
+#include "../model/random_robot.hpp"
+#include "../retrieval/problems.hpp"
+#include "dynid/dynamics/dynamics.hpp"
 #include "dynid/file.hpp"
 #include "dynid/model/urdf.hpp"
+#include "dynid/model/yaml.hpp"
 #include "dynid/signal/table.hpp"
 
 namespace dynid {
@@ -36,7 +40,7 @@ class CommandLine : public ::testing::Test {
   /// Runs `dynid arguments`; standard output and error are kept.
   int run(const std::string& arguments) {
     const std::string command =
-        std::string(DYNID_PROGRAM) + " " + arguments + " >" + path("stdout") + " 2>" + path("stderr");
+        launcher_ + DYNID_PROGRAM + " " + arguments + " >" + path("stdout") + " 2>" + path("stderr");
     const int status = std::system(command.c_str());
     out_ = read_file(path("stdout"));
     error_ = read_file(path("stderr"));
@@ -70,8 +74,23 @@ class CommandLine : public ::testing::Test {
     return path(name);
   }
 
+  /// Coefficients of the Panda with noise, which no feasible parameters have.
+  std::string coefficients_file() const {
+    ModelFile model{test::panda(), {}, ""};
+    const BaseParameters base = base_parameters(model.robot);
+    Eigen::VectorXd values = base.K * parameter_vector(model.robot, base);
+    testing::Generator g(3);
+    for (double& value : values) value += 0.02 * testing::normal(g);
+    for (int k = 0; k < base.size(); ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      model.coefficients.push_back({base.names[i], base.expressions[i], values[k], 1.0, true});
+    }
+    write_model(path("coefficients.yaml"), model);
+    return path("coefficients.yaml");
+  }
+
   fs::path folder_;
-  std::string out_, error_;
+  std::string out_, error_, launcher_;
 };
 
 TEST_F(CommandLine, HelpHasAnExampleForEveryCommand) {
@@ -142,6 +161,146 @@ TEST_F(CommandLine, RetrieveMakesAFeasibleModelOfCoefficients) {
   expect_refused("retrieve --model " + panda() + " --bounds " + bounds, "zz1 is missing");
 }
 
+// The two-link example of the supplementary material, Section V, from outside: shapes as expressions and as
+// solids, the same with box constraints only, whose report names the shape that is violated.
+TEST_F(CommandLine, RetrieveKeepsTheTwoLinksInTheirShapes) {
+  std::vector<LinkInertia> bodies = testing::two_link_truth();
+  const auto model_of = [&](const std::string& name) {
+    ModelFile model{testing::two_link_robot(bodies), {}, ""};
+    const BaseParameters base = base_parameters(model.robot);
+    EXPECT_EQ(base.size(), 8);
+    const Eigen::VectorXd values = base.K * parameter_vector(model.robot, base);
+    for (int k = 0; k < base.size(); ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      model.coefficients.push_back({base.names[i], base.expressions[i], values[k], 1.0, true});
+    }
+    for (Joint& joint : model.robot.joints) joint.parameters.setZero();
+    write_model(path(name), model);
+    return path(name);
+  };
+  // In the frames of the model: link 1 along z from its origin, link 2 along x.
+  const std::string boxes =
+      "format: dynid-bounds-1\ntotal_mass: [1, 15]\nlinks:\n"
+      "  - {mass: [0, 10], com_x: [-0.15, 0.15], com_y: [-0.15, 0.15], com_z: [0.08, 1.58], "
+      "inertia_diagonal: [0, 1], inertia_off_diagonal: [-1, 1]}\n"
+      "  - {mass: [MASS], com_x: [0, 0.8], com_y: [-0.08, 0.08], com_z: [-0.08, 0.08], "
+      "inertia_diagonal: [0, 1], inertia_off_diagonal: [-1, 1]}\n";
+  const auto bounds_of = [&](const std::string& shapes, const std::string& mass) {
+    return write("b.yaml", test::replaced(boxes, "MASS", mass) + shapes);
+  };
+  const auto solids = [](const std::string& enforce) {
+    return "shapes:\n  - {link: 1, name: cylinder, enforce: " + enforce +
+           ", solids: [{type: cylinder, from: [0, 0, 0], to: [0, 0, 1.5], radius: 0.15}]}\n"
+           "  - {link: 2, name: cone, enforce: " +
+           enforce +
+           ", solids: [{type: cylinder, from: [0, 0, 0], to: [0.6, 0, 0], radius: 0.08},\n"
+           "             {type: truncated_cone, from: [0.6, 0, 0], to: [0.8, 0, 0], radius_from: 0.08, "
+           "radius_to: 0.02}]}\n";
+  };
+  const std::string expressions =
+      "constraints:\n  - {name: cylinder, expression: 0.15 - sqrt(c1x^2 + c1y^2)}\n"
+      "  - {name: cone, expression: '(c2x >= 0.6 ? 0.08 - 0.3*(c2x - 0.6) : 0.08) - sqrt(c2y^2 + c2z^2)'}\n";
+  nlohmann::json report;
+  const auto retrieve = [&](const std::string& model, const std::string& bounds) {
+    ASSERT_EQ(run("retrieve --model " + model + " --bounds " + bounds + " --runs 2 --steps 5 --out " +
+                  path("found.yaml") + " --json " + path("r.json")),
+              0)
+        << error_;
+    report = nlohmann::json::parse(read_file(path("r.json")));
+  };
+  const auto margin = [&](const std::string& name) {
+    for (const auto& constraint : report["constraints"])
+      if (constraint["name"] == name) return constraint["margin"].get<double>();
+    ADD_FAILURE() << name << " is not reported";
+    return 0.0;
+  };
+  const Robot truth = testing::two_link_robot(bodies);
+  const std::string model = model_of("m.yaml");
+  for (const std::string& shapes : {expressions, solids("true")}) {
+    retrieve(model, bounds_of(shapes, "0, 5"));
+    EXPECT_LE(report["objective"], 1e-10);
+    EXPECT_GE(margin("cylinder"), 0.0);
+    EXPECT_GE(margin("cone"), 0.0);
+    const Model<2> found(read_model(path("found.yaml")).robot), real(truth);
+    Workspace<2> ws(real);
+    for (int k = 0; k < 100; ++k) {
+      const Eigen::Vector2d q(0.3 * k, -0.7 * k), dq(std::sin(k), std::cos(k)),
+          ddq(3.0 * dq[1], -2.0 * dq[0]);
+      Eigen::Vector2d a, b;
+      inverse_dynamics(found, ws, q, dq, ddq, a);
+      inverse_dynamics(real, ws, q, dq, ddq, b);
+      EXPECT_LE((a - b).cwiseAbs().maxCoeff(), 1e-6) << shapes;
+    }
+  }
+  // A centre of mass within its box, beyond the cone, at a mass that is known.
+  bodies[1].com = {-0.02, 0.06, 0.06};
+  const std::string beyond = model_of("beyond.yaml");
+  retrieve(beyond, bounds_of(solids("false"), "2.9, 3.1"));
+  EXPECT_LE(report["objective"], 1e-10);
+  EXPECT_LT(margin("cone"), -0.01);
+  EXPECT_NE(out_.find("violated: cone"), std::string::npos) << out_;
+  retrieve(beyond, bounds_of(solids("true"), "2.9, 3.1"));
+  EXPECT_GT(report["objective"], 1e-6);
+  EXPECT_GE(margin("cone"), 0.0);
+}
+
+// Law: threads, and processes where built with MPI, do not change a byte of the model.
+TEST_F(CommandLine, RetrieveIsTheSameHoweverItIsShared) {
+  const std::string reversed = coefficients_file();
+  const std::string bounds = std::string(DYNID_SOURCE_DIR) + "/config/panda_bounds.yaml";
+  const std::string command = "retrieve --model " + reversed + " --bounds " + bounds +
+                              " --runs 4 --steps 3 --seed 5 --out " + path("out.yaml") + " --json " +
+                              path("out.json") + " --threads ";
+  const auto runs = [&] {
+    std::vector<std::pair<double, double>> list;
+    const auto json = nlohmann::json::parse(read_file(path("out.json")));
+    for (const auto& entry : json["runs"]) list.emplace_back(entry["seed"], entry["objective"]);
+    return list;
+  };
+  ASSERT_EQ(run(command + "1"), 0) << error_;
+  const std::string model = read_file(path("out.yaml"));
+  const auto one = runs();
+  EXPECT_EQ(one.size(), 4u);
+  ASSERT_EQ(run(command + "2"), 0) << error_;
+  EXPECT_EQ(read_file(path("out.yaml")), model);
+  EXPECT_EQ(runs(), one);
+#ifdef DYNID_MPIEXEC
+  launcher_ =
+      "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 "
+      "OMPI_MCA_rmaps_base_oversubscribe=1 " DYNID_MPIEXEC " -n 4 ";
+  ASSERT_EQ(run(command + "1"), 0) << error_;
+  EXPECT_EQ(read_file(path("out.yaml")), model);
+  EXPECT_EQ(runs(), one);
+#endif
+}
+
+// A prior picks among equals, and the report says at what price.
+TEST_F(CommandLine, RetrieveStaysCloseToAPriorAndReportsThePrice) {
+  const std::string reversed = coefficients_file();
+  const std::string command = "retrieve --model " + reversed + " --bounds " + DYNID_SOURCE_DIR +
+                              "/config/panda_bounds.yaml --runs 1 --steps 3 --json " + path("r.json") +
+                              " --out ";
+  ASSERT_EQ(run(command + path("without.yaml")), 0) << error_;
+  const double without = nlohmann::json::parse(read_file(path("r.json")))["objective"];
+  EXPECT_TRUE(nlohmann::json::parse(read_file(path("r.json")))["trade_off"].empty());
+  ASSERT_EQ(run(command + path("with.yaml") + " --prior " + panda()), 0) << error_;
+  const auto json = nlohmann::json::parse(read_file(path("r.json")));
+  EXPECT_TRUE(json["feasible"]);
+  EXPECT_LE(json["objective"], 1.0011 * without);
+  const auto& trade_off = json["trade_off"];
+  ASSERT_GE(trade_off.size(), 4u);
+  EXPECT_EQ(trade_off[0]["weight"], 0.0);
+  for (std::size_t k = 2; k < trade_off.size(); ++k) {
+    EXPECT_GT(trade_off[k]["weight"], trade_off[k - 1]["weight"]);
+    EXPECT_LE(trade_off[k]["distance"].get<double>(), 1.001 * trade_off[k - 1]["distance"].get<double>());
+    EXPECT_GE(trade_off[k]["objective"].get<double>(), 0.999 * trade_off[k - 1]["objective"].get<double>());
+  }
+  const Eigen::VectorXd prior = test::panda().parameters();
+  EXPECT_LT((read_model(path("with.yaml")).robot.parameters() - prior).norm(),
+            (read_model(path("without.yaml")).robot.parameters() - prior).norm());
+  EXPECT_EQ(run(command + path("x.yaml") + " --prior /no/such.urdf"), 2);
+}
+
 TEST_F(CommandLine, DemoIdentifiesWhatItRecordsAndReportsIt) {
   ASSERT_EQ(run("demo --robot " + panda() + " --out " + path("demo") + " --json " + path("d.json")), 0)
       << error_;
@@ -175,14 +334,16 @@ TEST_F(CommandLine, ExportedUrdfIsTheSameRobot) {
 }
 
 TEST_F(CommandLine, ExportKnowsOtherPrograms) {
-  for (const auto& [format, words] : {std::pair{"mjcf", "<mujoco model=\"panda\">"},
-                                      std::pair{"sdf", "<sdf version="}, std::pair{"franka", "link7:\n"}}) {
+  for (const auto& [format, words] :
+       {std::pair{"mjcf", "<mujoco model=\"panda\">"}, std::pair{"sdf", "<sdf version="},
+        std::pair{"franka", "link7:\n"}, std::pair{"header", "namespace panda_model {"}}) {
     ASSERT_EQ(run(std::string("export --model ") + panda() + " --format " + format + " --out " +
                   path("export.txt") + " --json " + path("export.json")),
               0)
         << error_;
     EXPECT_NE(read_file(path("export.txt")).find(words), std::string::npos) << format;
-    EXPECT_FALSE(nlohmann::json::parse(read_file(path("export.json")))["not_expressed"].empty()) << format;
+    const auto json = nlohmann::json::parse(read_file(path("export.json")));
+    EXPECT_EQ(json["not_expressed"].empty(), std::string(format) == "header") << format;
   }
   EXPECT_EQ(run("export --model " + panda() + " --format mjcf --into a.urdf --out " + path("x")), 2);
   EXPECT_NE(error_.find("--into goes with --format urdf"), std::string::npos) << error_;
