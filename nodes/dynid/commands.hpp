@@ -13,6 +13,8 @@ void add_torque(CLI::App& app, int& status);
 void add_retrieve(CLI::App& app, int& status);
 void add_excite(CLI::App& app, int& status);
 void add_simulate(CLI::App& app, int& status);
+void add_diagnose(CLI::App& app, int& status);
+void add_blind(CLI::App& app, int& status);
 void add_export(CLI::App& app, int& status);
 void add_demo(CLI::App& app, int& status);
 
@@ -25,6 +27,8 @@ inline void add_commands(CLI::App& app, int& status) {
   add_retrieve(app, status);
   add_excite(app, status);
   add_simulate(app, status);
+  add_diagnose(app, status);
+  add_blind(app, status);
   add_export(app, status);
   add_demo(app, status);
 }

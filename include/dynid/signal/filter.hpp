@@ -46,6 +46,10 @@ class DecimatingFilter {
   Eigen::Index centre(Eigen::Index k) const noexcept { return factor_ / 2 + k * factor_; }
   /// K: output k depends on the samples centre(k) - K .. centre(k) + K.
   Eigen::Index reach() const noexcept { return half_kernel_.size() - 1; }
+  /// Variance that it leaves of white noise of variance 1, away from the ends.
+  double white_gain() const noexcept {
+    return half_kernel_[0] * half_kernel_[0] + 2.0 * half_kernel_.tail(reach()).squaredNorm();
+  }
   /// Output k of each column of `x`, which holds the samples `first` .. `first + x.rows() - 1` of a signal of
   /// `samples` and must cover what output k depends on.
   Eigen::RowVectorXd output(Eigen::Index k, const Eigen::Ref<const Eigen::MatrixXd>& x, Eigen::Index first,

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dynid/model/effect.hpp"
+#include "dynid/model/robot.hpp"
+#include "dynid/signal/log.hpp"
+#include "dynid/signal/prepare.hpp"
+
+namespace dynid {
+
+enum class Verdict { no_gap, not_detected, explained, partly_explained, unexplained, data_invalid };
+const char* to_string(Verdict verdict);
+
+/// One number (or several) with its 90 % interval.
+struct Estimate {
+  std::string key, unit;
+  Eigen::VectorXd value, low, high;
+};
+
+/// An effect that the diagnosis adopted.
+struct FoundEffect {
+  Effect effect;                      ///< as a model file carries it
+  double share = 0.0;                 ///< of the explained gap's energy
+  double probability = 0.0;
+  std::vector<std::string> aliases;   ///< effects that this log cannot tell from it
+  std::vector<Estimate> parameters;
+};
+
+/// A place where the gap is: one joint in one regime of its motion.
+struct GapCell {
+  int joint = 0;  ///< from 1
+  std::string regime;
+  double share = 0.0;    ///< of the gap's energy, each joint in units of its floor
+  double p_value = 1.0;
+};
+
+/// A stretch of a log in which the gap is much larger than elsewhere.
+struct GapWindow {
+  std::string log;
+  double t0 = 0.0, t1 = 0.0;  ///< [s] as the log is stamped
+  std::vector<int> joints;
+};
+
+/// How far the gap shrinks, on data that neither chose nor fitted anything.
+struct Shrink {
+  Eigen::VectorXd before, after, floor;  ///< n [N m rms]
+  double fraction = 0.0, low = 0.0, high = 0.0;
+  bool held_out = true;
+};
+
+struct DiagnoseOptions {
+  double cutoff = 0.0;                 ///< [Hz] of the band looked at; 0: chosen, at most 10
+  std::vector<std::string> withhold;   ///< effects taken out of the library
+  int most_effects = 3;
+  double tolerance = 0.02;             ///< relative error of the nominal parameters that is not a gap, at most
+  unsigned seed = 1;                   ///< of surrogates and intervals
+  int surrogates = 199;
+  std::function<void(const std::string& stage, double fraction)> progress;
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::no_gap;
+  double p_value = 1.0;
+  std::vector<PreparedLog> logs;       ///< checks of each log; their segments are released
+  Eigen::VectorXd rms, floor;          ///< n [N m]: of the gap, and of the noise in the band
+  std::vector<GapCell> where;
+  std::vector<GapWindow> windows;
+  std::vector<FoundEffect> effects;    ///< largest share first
+  std::vector<std::pair<std::string, double>> ranking;  ///< of every effect: probability to be the first
+  Shrink shrink;
+  double nominal_error = 0.0;          ///< relative error of the nominal parameters that the data ask for
+  double explained = 0.0;              ///< part of the gap's energy that the effects explain where fitted
+  double cutoff = 0.0;
+  double seconds = 0.0;
+};
+
+/// Tells where the gap between a nominal model and logs of the real robot lies, which effects make it, and
+/// how far it shrinks with them. With several logs the last is held out from choosing and fitting; of one
+/// log, every other block. Throws Error on logs that do not fit the robot.
+Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const DiagnoseOptions& options = {});
+
+/// The nominal model with the effects in it: in its own parameters where it has a place for them, in
+/// Robot::effects otherwise.
+Robot patched(const Robot& nominal, const std::vector<FoundEffect>& effects);
+
+}  // namespace dynid

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "dynid/dynamics/model.hpp"
+#include "dynid/model/robot.hpp"
+#include "dynid/signal/prepare.hpp"
+
+namespace dynid {
+
+/// A stretch of a prepared log, with what the nominal model says along it: what effects are computed from.
+class GapMotion {
+ public:
+  /// `start` [s]: the log's first stamp. Throws Error where Model does.
+  GapMotion(const Robot& nominal, const Segment& segment, double start);
+
+  const Robot& robot() const noexcept { return robot_; }
+  int joints() const noexcept { return robot_.size(); }               ///< n
+  Eigen::Index samples() const noexcept { return q.rows(); }          ///< N
+  double rate = 0.0;                                                  ///< [Hz]
+  double start = 0.0;                                                 ///< [s] of the log, as it is stamped
+  Eigen::VectorXd t;                                                  ///< N [s] since the log's start
+  Eigen::MatrixXd q, dq, ddq;                                         ///< N x n, low-passed
+  Eigen::MatrixXd tau;                                                ///< N x n [N m], as measured
+  Eigen::MatrixXd nominal;                                            ///< N x n [N m], the whole nominal model
+  Eigen::MatrixXd rigid;                                              ///< N x n [N m], without friction
+
+  /// Columns that standard parameters of link `link` (from 0) have in joint `joint` (from 0): N x 10.
+  Eigen::MatrixXd link_columns(int link, int joint) const;
+  /// Derivative of the rigid body's torque along a change of the motion (N x n each, in the units of q, dq,
+  /// ddq): N x n [N m].
+  Eigen::MatrixXd along(const Eigen::MatrixXd& d_q, const Eigen::MatrixXd& d_dq,
+                        const Eigen::MatrixXd& d_ddq) const;
+  /// Torques of the rigid body under a gravity [m/s^2] of 1 along an axis of the base frame: N x n.
+  Eigen::MatrixXd gravity_columns(const Eigen::Vector3d& gravity) const;
+  /// J^T of the origin of link `link` (from 0), for a force and a moment in the axes of the base frame: rows
+  /// of joint `joint`, N x 6.
+  Eigen::MatrixXd wrench_columns(int link, int joint) const;
+
+ private:
+  Robot robot_;
+  Model<> model_;
+  std::vector<Eigen::MatrixXd> regressor_;         // joint by joint, N x 10 n
+  mutable std::vector<std::vector<Eigen::MatrixXd>> wrench_;  // link, joint
+};
+
+/// Columns that one effect has in some of the joints' torques.
+struct ColumnBlock {
+  std::vector<int> channels;            ///< joints (from 0), increasing
+  std::vector<Eigen::MatrixXd> values;  ///< of each channel: N x coefficients
+};
+
+}  // namespace dynid

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynid/diagnosis/gap_motion.hpp"
+#include "dynid/model/effect.hpp"
+
+namespace dynid {
+
+/// What one unit of an effect is.
+enum class Scope {
+  joint,   ///< unit k: joint k + 1; several joints are one effect
+  link,    ///< unit k: link k + 1; one link at a time
+  pair,    ///< unit k: joints k + 1 and k + 2
+  arm,     ///< one unit: the whole arm
+  window,  ///< unit k: link k + 1, in a window of time that is searched for
+};
+
+/// A parameter that the torque depends on in another way than linearly: it is searched for in a grid, then
+/// refined within its range.
+struct ShapeParameter {
+  std::string key, unit;
+  double low, high;  ///< range, both included
+  int points;        ///< of the grid
+  bool logarithmic;  ///< spacing of the grid
+};
+
+/// A value of an effect for a person, a file, a label.
+struct NamedValue {
+  std::string key, unit;
+  Eigen::VectorXd value;   ///< one number for a joint's own parameter
+  bool per_joint = true;   ///< one number for each joint of the robot; else of the whole arm
+};
+
+/// An effect that the diagnosis can find: linear in its coefficients c for given shape parameters s.
+/// One effect is one file in src/diagnosis/effects/, see docs/effects.md.
+class Hypothesis {
+ public:
+  virtual ~Hypothesis() = default;
+
+  virtual std::string name() const = 0;
+  virtual Scope scope() const { return Scope::joint; }
+  virtual std::vector<ShapeParameter> shape() const { return {}; }
+  /// The coefficients are all 1: the shape parameters say everything.
+  virtual bool shape_only() const { return false; }
+  /// How likely it is before the data are seen, relative to the others; for one that contains another as a
+  /// special case, or can nearly imitate it, less than 1.
+  virtual double prior() const { return 1.0; }
+
+  /// Torque columns [N m per unit of c] that unit `unit` adds on the measured side along `motion`.
+  virtual ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const = 0;
+  /// The field's parameters from coefficients and shape.
+  virtual std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                                             const Eigen::VectorXd& shape) const = 0;
+  /// The inverse of parameters(): c and shape of unit `unit` from what a model file carries. Throws Error
+  /// naming the effect and the key that is missing.
+  virtual void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+                       Eigen::VectorXd& shape) const = 0;
+  /// Puts the effect into the robot itself where the model has a place for it (inertia, friction, gravity,
+  /// rotor inertia) and returns true; else returns false, and the effect goes into Robot::effects.
+  virtual bool enter(Robot&, const Effect&) const { return false; }
+  /// The coefficients can be those of such an effect at all.
+  virtual bool plausible(const Robot&, int, const Eigen::VectorXd&, const Eigen::VectorXd&) const {
+    return true;
+  }
+
+  int units(const Robot& robot) const {
+    return scope() == Scope::arm ? 1 : robot.size() - (scope() == Scope::pair ? 1 : 0);
+  }
+  /// The joints (from 1) that unit `unit` concerns.
+  std::vector<int> joints(const Robot& robot, int unit) const;
+};
+
+/// Every effect, in the order of their names. The list is made from the files of src/diagnosis/effects/.
+const std::vector<std::unique_ptr<Hypothesis>>& hypotheses();
+/// The one of that name, or null.
+const Hypothesis* find_hypothesis(const std::string& name);
+
+/// The torques that the robot's effects add along a motion: N x n [N m]. Throws Error on an effect that is
+/// not of the catalogue or lacks a parameter.
+Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion);
+
+}  // namespace dynid

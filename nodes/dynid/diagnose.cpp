@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/diagnose.hpp"
+
+#include <algorithm>
+#include <iostream>
+
+#include "dynid/command.hpp"
+#include "dynid/commands.hpp"
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/error.hpp"
+#include "dynid/identification/identify.hpp"
+#include "dynid/model/yaml.hpp"
+#include "dynid/signal/log.hpp"
+
+namespace dynid {
+namespace {
+
+struct Arguments {
+  Output output;
+  RobotOption model;
+  std::vector<std::string> logs, withhold;
+  std::string reference, patch, report;
+  DiagnoseOptions options;
+};
+
+nlohmann::json values_json(const Eigen::VectorXd& x) {
+  if (x.size() == 1) return x[0];
+  return to_json(x);
+}
+
+nlohmann::json effect_json(const FoundEffect& found) {
+  nlohmann::json parameters = nlohmann::json::object();
+  for (const Estimate& p : found.parameters)
+    parameters[p.key] = {{"value", values_json(p.value)},
+                         {"low", values_json(p.low)},
+                         {"high", values_json(p.high)},
+                         {"unit", p.unit}};
+  return {{"name", found.effect.name},     {"joints", found.effect.joints},
+          {"share", found.share},          {"probability", found.probability},
+          {"aliases", found.aliases},      {"parameters", parameters}};
+}
+
+nlohmann::json diagnosis_json(const Diagnosis& d) {
+  nlohmann::json where = nlohmann::json::array(), windows = nlohmann::json::array(),
+                 effects = nlohmann::json::array(), ranking = nlohmann::json::array();
+  for (const GapCell& c : d.where)
+    where.push_back({{"joint", c.joint}, {"regime", c.regime}, {"share", c.share}, {"p_value", c.p_value}});
+  for (const GapWindow& w : d.windows)
+    windows.push_back({{"log", w.log}, {"t0", w.t0}, {"t1", w.t1}, {"joints", w.joints}});
+  for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
+  for (const auto& [name, probability] : d.ranking)
+    ranking.push_back({{"name", name}, {"probability", probability}});
+  return {{"format", "dynid-diagnosis-1"},
+          {"data", to_json(d.logs)},
+          {"gap", {{"rms", to_json(d.rms)}, {"floor", to_json(d.floor)}, {"where", where}, {"windows", windows}}},
+          {"p_value", d.p_value},
+          {"verdict", to_string(d.verdict)},
+          {"effects", effects},
+          {"ranking", ranking},
+          {"shrink",
+           {{"before", to_json(d.shrink.before)},
+            {"after", to_json(d.shrink.after)},
+            {"floor", to_json(d.shrink.floor)},
+            {"fraction", d.shrink.fraction},
+            {"low", d.shrink.low},
+            {"high", d.shrink.high},
+            {"held_out", d.shrink.held_out},
+            {"rollout",
+             {{"horizon_s", nlohmann::json::array()},
+              {"before", nlohmann::json::array()},
+              {"after", nlohmann::json::array()}}}}},
+          {"next_experiment", {{"text", ""}, {"separates", nlohmann::json::array()}, {"trajectory", nullptr}}},
+          {"nominal_error", d.nominal_error},
+          {"explained", d.explained},
+          {"cutoff_hz", d.cutoff},
+          {"seconds", d.seconds}};
+}
+
+void print(const Diagnosis& d) {
+  std::cout << "Verdict: " << to_string(d.verdict) << " (p = " << d.p_value << ")\n  gap [N m rms]:   "
+            << in_a_row(d.rms) << "\n  floor [N m rms]: " << in_a_row(d.floor) << "\n";
+  for (const FoundEffect& e : d.effects) {
+    std::cout << "  " << e.effect.name << " on joint" << (e.effect.joints.size() > 1 ? "s" : "");
+    for (const int j : e.effect.joints) std::cout << " " << j;
+    std::cout << ": probability " << e.probability << ", share " << e.share;
+    for (std::size_t k = 0; k < e.aliases.size(); ++k) std::cout << (k == 0 ? "; not told from " : ", ") << e.aliases[k];
+    std::cout << "\n";
+    for (const Estimate& p : e.parameters)
+      std::cout << "    " << p.key << " " << in_a_row(p.value) << " [" << p.unit << "]\n";
+  }
+  if (!d.effects.empty())
+    std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low << " to "
+              << 100.0 * d.shrink.high << " %) on data not used\n";
+}
+
+void run(const Arguments& a) {
+  a.output.check({a.patch});
+  Output silent = a.output;
+  silent.quiet = true;
+  Robot nominal = a.model.read(silent).robot;
+  DiagnoseOptions options = a.options;
+  for (const std::string& name : a.withhold) {
+    if (name == "friction") {
+      for (Joint& joint : nominal.joints) joint.friction = {};
+    } else if (name == "payload") {
+      nominal.joints.back().parameters.setZero();
+    } else if (find_hypothesis(name) == nullptr) {
+      throw Error("--withhold " + name + ": not friction, payload or the name of an effect");
+    } else {
+      options.withhold.push_back(name);
+    }
+  }
+  Progress progress(a.output);
+  if (!a.reference.empty()) {
+    progress("healthy log");
+    IdentifyOptions identify_options;
+    identify_options.validate = false;
+    nominal = identify(nominal, {read_log(a.reference, nominal.size())}, {}, identify_options).robot;
+  }
+  std::vector<Log> logs;
+  for (const std::string& log : a.logs) logs.push_back(read_log(log, nominal.size()));
+  options.progress = [&progress](const std::string& stage, double fraction) { progress(stage, fraction); };
+  const Diagnosis d = diagnose(nominal, logs, options);
+  if (!a.patch.empty() && !d.effects.empty())
+    write_model(a.patch, {patched(nominal, d.effects), {}, "effects found by diagnosis of " + a.logs.front()});
+  nlohmann::json result = diagnosis_json(d);
+  result["view"] = a.reference.empty() ? "A" : "B";
+  a.output.write(result);
+  if (a.output.summary()) print(d);
+}
+
+}  // namespace
+
+void add_diagnose(CLI::App& app, int& status) {
+  auto a = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(
+      "diagnose", "Where a model and a robot disagree, which effect makes it, and how far it shrinks");
+  a->model.add_to(*command, "--model");
+  a->model.allow_inconsistent = true;
+  command->add_option("--log", a->logs, "Logs of the robot (CSV); of several, the last only judges")
+      ->required()
+      ->type_name("FILE...");
+  command->add_option("--reference", a->reference, "Log of the healthy robot: says how far the model is off")
+      ->type_name("FILE");
+  command->add_option("--withhold", a->withhold,
+                      "Take friction or payload out of the model, or an effect out of the library");
+  command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")->type_name("FILE");
+  command->add_option("--cutoff", a->options.cutoff, "Band looked at [Hz]")->check(CLI::PositiveNumber);
+  command->add_option("--tolerance", a->options.tolerance, "Relative error of the model's parameters that is no gap")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_option("--seed", a->options.seed, "Of surrogates and intervals")->capture_default_str();
+  a->output.add_to(*command);
+  command->footer("Example: dynid diagnose --model config/panda.yaml --log a.csv b.csv --patch patched.yaml");
+  command->callback([a, &status] {
+    run(*a);
+    status = 0;
+  });
+}
+
+}  // namespace dynid

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/blind.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/error.hpp"
+#include "dynid/file.hpp"
+#include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/perturbed.hpp"
+#include "dynid/simulation/random_motion.hpp"
+#include "dynid/simulation/simulate.hpp"
+
+namespace dynid {
+namespace {
+
+constexpr const char* unknown_kinds[] = {"unknown_periodic", "unknown_product", "unknown_wander"};
+
+/// What the robot is given in one case.
+struct Draw {
+  std::vector<Effect> effects;           // known to the plant
+  std::string unknown;                   // or made by torque_of_unknown()
+  std::vector<std::string> withheld;
+  std::vector<int> unknown_joints;
+  double unknown_size = 0.0, unknown_rate = 0.0;
+  unsigned long seed = 0;
+};
+
+Draw draw_case(const Robot& robot, const BlindOptions& options, int index) {
+  std::seed_seq sequence{options.seed, static_cast<unsigned long>(index), 20190806UL};
+  std::mt19937_64 random(sequence);
+  std::uniform_real_distribution<double> uniform;
+  const double strength = options.kind == BlindKind::weak ? 0.3 : 1.0;
+  const auto& catalogue = simulation_effects();
+  const auto any = [&] { return catalogue[random() % catalogue.size()].name; };
+  Draw draw;
+  draw.seed = random();
+  const double which = uniform(random);
+  if (which < 0.12) return draw;  // no gap
+  if (which < 0.19) {
+    draw.unknown = unknown_kinds[random() % 3];
+    const int n = robot.size(), count = 1 + static_cast<int>(random() % 2);
+    for (int k = 0; k < count; ++k) draw.unknown_joints.push_back(static_cast<int>(random() % static_cast<unsigned long>(n)));
+    draw.unknown_size = strength * (0.8 + 1.2 * uniform(random));
+    draw.unknown_rate = 3.0 + 5.0 * uniform(random);
+    return draw;
+  }
+  const std::string first = any();
+  draw.effects.push_back(draw_effect(first, robot, random(), strength, options.duration));
+  if (which < 0.25) {
+    draw.withheld = {first};
+    // The last link's inertia and a payload are one and the same.
+    if (first == "payload") draw.withheld.push_back("link_inertial_error");
+    if (first == "link_inertial_error") draw.withheld.push_back("payload");
+  } else if (which < 0.40) {
+    std::string second = any();
+    while (second == first) second = any();
+    draw.effects.push_back(draw_effect(second, robot, random(), strength, options.duration));
+  }
+  return draw;
+}
+
+/// Torque of an effect that no library has: N x n.
+Eigen::MatrixXd torque_of_unknown(const Draw& draw, const Log& log, unsigned long seed) {
+  Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(log.samples(), log.joints());
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  for (const int j : draw.unknown_joints) {
+    if (draw.unknown == "unknown_periodic") {  // time, not motion, drives it
+      tau.col(j) = draw.unknown_size * (draw.unknown_rate * log.t.array()).sin();
+    } else if (draw.unknown == "unknown_product") {  // two joints' positions and speeds together
+      const int other = (j + 3) % log.joints();
+      tau.col(j) = 2.0 * draw.unknown_size * (2.0 * log.q.col(other).array()).sin() * log.dq.col((j + 2) % log.joints()).array();
+    } else {
+      double x = 0.0, smooth = 0.0;
+      for (Eigen::Index i = 1; i < log.samples(); ++i) {
+        const double dt = log.t[i] - log.t[i - 1];
+        x += -x * dt / 0.5 + normal(random) * std::sqrt(2.0 * dt / 0.5);
+        smooth += (x - smooth) * std::min(1.0, dt / 0.1);
+        tau(i, j) = draw.unknown_size * smooth;
+      }
+    }
+  }
+  return tau;
+}
+
+SimulateOptions plant_options(const BlindOptions& options, unsigned long seed) {
+  SimulateOptions plant;
+  plant.measurement = MeasurementOptions::realistic();
+  plant.rate = options.rate;
+  plant.seed = seed;
+  plant.record_torques = false;
+  if (options.kind == BlindKind::nominal) {
+    plant.spread = 0.02;
+  } else {
+    plant.measurement.correlated_noise = 0.0;
+    plant.measurement.stamp_jitter = 0.0;
+    plant.measurement.repeat_probability = 0.0;
+  }
+  return plant;
+}
+
+nlohmann::json label_json(const Draw& draw) {
+  nlohmann::json label = nlohmann::json::array();
+  for (const Effect& e : draw.effects) label.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
+  if (!draw.unknown.empty()) {
+    std::vector<int> joints = draw.unknown_joints;
+    for (int& j : joints) ++j;
+    std::sort(joints.begin(), joints.end());
+    joints.erase(std::unique(joints.begin(), joints.end()), joints.end());
+    label.push_back({{"name", draw.unknown}, {"joints", joints}, {"parameters", nlohmann::json::object()}});
+  }
+  return label;
+}
+
+std::string case_name(int index) {
+  std::string digits = std::to_string(index);
+  return "case_" + std::string(digits.size() < 5 ? 5 - digits.size() : 0, '0') + digits;
+}
+
+}  // namespace
+
+std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& options) {
+  namespace fs = std::filesystem;
+  const fs::path logs = fs::path(options.folder) / "logs", sealed = fs::path(options.folder) / "sealed";
+  std::error_code error;
+  fs::create_directories(logs, error);
+  if (!error) fs::create_directories(sealed, error);
+  if (error) throw Error(options.folder + ": cannot be made: " + error.message());
+  const auto count = static_cast<std::size_t>(options.cases);
+  std::vector<BlindCase> cases(count);
+  std::mutex mutex;
+  int done = 0;
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) {
+    BlindCase& here = cases[k];
+    const std::string name = case_name(static_cast<int>(k));
+    const fs::path folder = logs / name;
+    try {
+      std::vector<std::string> withhold;
+      {  // The draw is forgotten before the diagnosis begins; the label goes to the sealed folder.
+        const Draw draw = draw_case(nominal, options, static_cast<int>(k));
+        fs::create_directories(folder);
+        for (int l = 0; l < 2; ++l) {
+          const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
+          const SimulateOptions plant = plant_options(options, seed);
+          SimulateOptions same_robot = plant;
+          SimulatedRun run = simulate(
+              perturbed(nominal, plant.spread, draw.seed), draw.effects,
+              random_motion(nominal, options.duration, seed), [&] {
+                same_robot.spread = 0.0;
+                return same_robot;
+              }());
+          if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(draw, run.log, seed);
+          write_log((folder / (l == 0 ? "log_a.csv" : "log_b.csv")).string(), run.log);
+        }
+        write_file((sealed / (name + ".json")).string(), label_json(draw).dump(1) + "\n");
+        withhold = draw.withheld;
+      }
+      DiagnoseOptions diagnose_options = options.diagnose;
+      diagnose_options.withhold.insert(diagnose_options.withhold.end(), withhold.begin(), withhold.end());
+      diagnose_options.progress = nullptr;
+      const Diagnosis d = diagnose(nominal,
+                                   {read_log((folder / "log_a.csv").string(), nominal.size()),
+                                    read_log((folder / "log_b.csv").string(), nominal.size())},
+                                   diagnose_options);
+      here.withheld = withhold;
+      here.verdict = d.verdict;
+      here.p_value = d.p_value;
+      here.explained = d.explained;
+      here.found = d.effects;
+      here.ranking = d.ranking;
+      here.shrink = d.shrink.fraction;
+      here.seconds = d.seconds;
+    } catch (const std::exception& failure) {
+      here.failure = failure.what();
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    ++done;
+    if (options.progress) options.progress(done, options.cases);
+  });
+  // Only now are the labels opened.
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::string path = (sealed / (case_name(static_cast<int>(k)) + ".json")).string();
+    if (!fs::exists(path)) continue;
+    for (const nlohmann::json& e : nlohmann::json::parse(read_file(path)))
+      cases[k].truth.push_back({e["name"], e["joints"], e["parameters"]});
+  }
+  return cases;
+}
+
+BlindScore score(const std::vector<BlindCase>& cases) {
+  BlindScore s;
+  std::vector<double> errors, shrinks;
+  std::vector<double> bin_sum(10, 0.0), bin_right(10, 0.0);
+  std::vector<int> bin_count(10, 0);
+  int judged = 0;
+  for (const BlindCase& c : cases) {
+    ++s.cases;
+    const FoundEffect* first = c.found.empty() ? nullptr : &c.found.front();
+    const std::string named = first == nullptr ? to_string(c.verdict) : first->effect.name;
+    if (c.truth.empty()) {
+      ++s.no_gap;
+      ++s.confusion["(no gap)"][named];
+      if (first != nullptr) {
+        ++s.false_alarms;
+        if (first->probability >= 0.9) ++s.confident_wrong;
+      }
+      continue;
+    }
+    const bool beyond = c.truth[0].name.rfind("unknown", 0) == 0 || !c.withheld.empty();
+    if (beyond) {
+      ++s.unknown;
+      ++s.confusion["(" + (c.withheld.empty() ? c.truth[0].name : "withheld " + c.truth[0].name) + ")"][named];
+      if (c.verdict == Verdict::unexplained) ++s.abstained;
+      if (first != nullptr && first->probability >= 0.9) ++s.confident_wrong;
+      continue;
+    }
+    ++s.known;
+    const auto is_true = [&](const std::string& name) {
+      return std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& e) { return e.name == name; });
+    };
+    std::string truth = c.truth[0].name;
+    if (first != nullptr && is_true(named)) truth = named;
+    ++s.confusion[truth][named];
+    const bool right = first != nullptr && is_true(named);
+    bool in_class = right;
+    if (first != nullptr)
+      for (const std::string& alias : first->aliases) in_class = in_class || is_true(alias);
+    s.first_right += right ? 1 : 0;
+    s.class_right += in_class ? 1 : 0;
+    if (c.truth.size() > 1) {
+      ++s.pairs;
+      int found = 0;
+      for (const Effect& e : c.truth)
+        found += std::any_of(c.found.begin(), c.found.end(),
+                             [&](const FoundEffect& f) { return f.effect.name == e.name; })
+                     ? 1
+                     : 0;
+      if (found == 2) ++s.both_found;
+    }
+    if (first != nullptr) {
+      ++judged;
+      const auto bin = static_cast<std::size_t>(std::clamp(first->probability * 10.0, 0.0, 9.0));
+      ++bin_count[bin];
+      bin_sum[bin] += first->probability;
+      bin_right[bin] += right ? 1.0 : 0.0;
+      if (!right && first->probability >= 0.9) ++s.confident_wrong;
+    }
+    if (right && c.truth.size() == 1) {
+      const Effect& e = c.truth.front();
+      if (e.joints == first->effect.joints) ++s.joints_right;
+      for (const Estimate& p : first->parameters) {
+        const auto found = e.parameters.find(p.key);
+        if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size())) continue;
+        if (p.key == "velocity_scale" || p.key == "inertia" || p.key == "link") continue;
+        for (Eigen::Index i = 0; i < p.value.size(); ++i) {
+          const double true_value = found->second[static_cast<std::size_t>(i)];
+          const int joint = static_cast<int>(i) + 1;
+          const bool listed = p.value.size() != static_cast<Eigen::Index>(found->second.size()) || p.value.size() < 4 ||
+                              std::find(e.joints.begin(), e.joints.end(), joint) != e.joints.end();
+          if (!listed || true_value == 0.0) continue;
+          if (p.value.size() >= 4 && std::find(first->effect.joints.begin(), first->effect.joints.end(), joint) == first->effect.joints.end()) continue;
+          ++s.intervals;
+          if (p.low[i] <= true_value && true_value <= p.high[i]) ++s.covered;
+          errors.push_back(std::abs(p.value[i] - true_value) / std::abs(true_value));
+        }
+      }
+    }
+    shrinks.push_back(c.shrink);
+  }
+  const auto middle = [](std::vector<double> x) {
+    if (x.empty()) return 0.0;
+    std::nth_element(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2), x.end());
+    return x[x.size() / 2];
+  };
+  s.parameter_error = middle(errors);
+  s.shrink = middle(shrinks);
+  for (std::size_t b = 0; b < 10; ++b)
+    if (judged > 0) s.calibration_error += std::abs(bin_right[b] - bin_sum[b]) / judged;
+  return s;
+}
+
+}  // namespace dynid

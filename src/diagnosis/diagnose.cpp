@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/diagnose.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <random>
+
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/error.hpp"
+#include "rows.hpp"
+#include "search.hpp"
+#include "surrogates.hpp"
+#include "where.hpp"
+
+namespace dynid {
+
+using detail::Adopted;
+using detail::GapModel;
+using detail::GapRows;
+using detail::RowBlock;
+using detail::Search;
+using detail::UnitShape;
+
+namespace {
+
+constexpr double temperature = 4.0;        // of the scores, see docs/diagnosis.md
+constexpr double interval_factor = 1.2;    // of the standard deviations
+constexpr double doubt = 0.01;             // that none of what was compared is right, at least
+constexpr double detection = 0.05;         // p-value of a gap
+constexpr double block_seconds = 1.0;      // of held-out blocks and of the bootstrap
+
+Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
+  return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
+}
+
+/// What the effects of a model add in any rows: all of them, or one.
+Eigen::MatrixXd contribution(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& theta,
+                             std::ptrdiff_t only = -1) {
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows.size(), rows.joints());
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    const Adopted& e = model.effects[k];
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      if (only < 0 || only == static_cast<std::ptrdiff_t>(k)) {
+        const RowBlock block = rows.block(*e.h, u.unit, u.shape);
+        for (std::size_t i = 0; i < block.channels.size(); ++i)
+          sum.col(block.channels[i]) += p > 0 ? Eigen::VectorXd(block.values[i] * theta.segment(at, p))
+                                              : Eigen::VectorXd(block.values[i].rowwise().sum());
+      }
+      at += p;
+    }
+  }
+  return sum;
+}
+
+/// The same effects, shapes and joints over other rows.
+std::vector<Adopted> carried(const GapRows& rows, const std::vector<Adopted>& effects) {
+  std::vector<Adopted> out = effects;
+  for (Adopted& e : out)
+    for (UnitShape& u : e.units) u.block = std::make_shared<RowBlock>(rows.block(*e.h, u.unit, u.shape));
+  return out;
+}
+
+detail::Fit fit_of(const GapRows& rows, const std::vector<Adopted>& effects, double kappa) {
+  std::vector<detail::Term> terms;
+  for (const Adopted& e : effects)
+    for (const UnitShape& u : e.units) terms.push_back({u.block.get(), e.h->shape_only()});
+  return detail::fit_terms(rows, rows.y, terms, kappa);
+}
+
+bool has_window(const GapModel& model) {
+  return std::any_of(model.effects.begin(), model.effects.end(),
+                     [](const Adopted& e) { return e.h->scope() == Scope::window; });
+}
+
+/// Rows in every other block of `seconds`, with a guard of `guard` rows before each change.
+std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard) {
+  std::vector<bool> keep(static_cast<std::size_t>(rows.size()));
+  const auto mine = [&](Eigen::Index i) { return (static_cast<long>(rows.t[i] / seconds) % 2 == 1) == odd; };
+  for (Eigen::Index i = 0; i < rows.size(); ++i) {
+    bool inside = mine(i);
+    for (Eigen::Index k = std::max<Eigen::Index>(0, i - guard); inside && k <= std::min(rows.size() - 1, i + guard); ++k)
+      inside = mine(k);
+    keep[static_cast<std::size_t>(i)] = inside;
+  }
+  return keep;
+}
+
+/// Energy in units of the floor, joints pooled.
+double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
+  return (x * floor.cwiseInverse().asDiagonal()).squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()));
+}
+
+double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor) {
+  const double noise = double(floor.size()), b = energy(before, floor) - noise, a = energy(after, floor) - noise;
+  return b > 0.0 ? std::min(1.0, 1.0 - a / b) : 0.0;
+}
+
+Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor, unsigned seed) {
+  Shrink shrink;
+  shrink.before = rms(rows.y);
+  shrink.after = rms(after);
+  shrink.floor = floor;
+  shrink.fraction = shrink_fraction(rows.y, after, floor);
+  // Blocks drawn with replacement.
+  std::vector<std::vector<Eigen::Index>> blocks;
+  double open = -1.0;
+  for (Eigen::Index i = 0; i < rows.size(); ++i) {
+    const double block = std::floor(rows.t[i] / block_seconds) + 1e6 * rows.log[static_cast<std::size_t>(i)];
+    if (block != open) blocks.emplace_back();
+    open = block;
+    blocks.back().push_back(i);
+  }
+  std::mt19937_64 random(seed);
+  std::vector<double> fractions;
+  for (int k = 0; k < 200; ++k) {
+    std::vector<Eigen::Index> drawn;
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      const auto& block = blocks[random() % blocks.size()];
+      drawn.insert(drawn.end(), block.begin(), block.end());
+    }
+    fractions.push_back(shrink_fraction(rows.y(drawn, Eigen::all), after(drawn, Eigen::all), floor));
+  }
+  std::sort(fractions.begin(), fractions.end());
+  shrink.low = std::min(shrink.fraction, fractions[10]);
+  shrink.high = std::max(shrink.fraction, fractions[189]);
+  return shrink;
+}
+
+/// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
+struct Values {
+  std::vector<std::string> keys, units;
+  std::vector<Eigen::VectorXd> values;
+};
+Values values_of(const Robot& robot, const Adopted& e, const Eigen::VectorXd& theta,
+                 const std::vector<Eigen::VectorXd>& shapes) {
+  Values out;
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < e.units.size(); ++k) {
+    const Eigen::Index p = e.h->shape_only() ? 0 : e.units[k].block->size();
+    const std::vector<NamedValue> named =
+        e.h->parameters(robot, e.units[k].unit, theta.segment(at, p), shapes[k]);
+    at += p;
+    for (std::size_t i = 0; i < named.size(); ++i) {
+      if (k == 0) {
+        out.keys.push_back(named[i].key);
+        out.units.push_back(named[i].unit);
+        out.values.push_back(named[i].per_joint ? Eigen::VectorXd::Zero(robot.size()) : named[i].value);
+      }
+      if (named[i].per_joint) out.values[i][e.units[k].unit] = named[i].value[0];
+    }
+  }
+  return out;
+}
+
+/// Estimates with 90 % intervals: coefficients and shapes drawn together from the fit's covariance, which
+/// takes in the derivatives with respect to the shapes.
+FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel& model, std::size_t which,
+                         const detail::Fit& fit, unsigned seed) {
+  const Adopted& e = model.effects[which];
+  // Covariance of everything that is free in the model.
+  Eigen::Index at = 0, first = 0, mine = 0;
+  std::vector<RowBlock> slopes;
+  std::vector<detail::Term> terms;
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    if (k == which) first = at;
+    for (const UnitShape& u : model.effects[k].units) {
+      terms.push_back({u.block.get(), model.effects[k].h->shape_only()});
+      at += model.effects[k].h->shape_only() ? 0 : u.block->size();
+    }
+    if (k == which) mine = at - first;
+  }
+  const Eigen::Index all = at;
+  const std::vector<ShapeParameter> shape = e.h->shape();
+  std::vector<std::pair<std::size_t, Eigen::Index>> shape_of;  // unit, shape
+  Eigen::Index offset = first;
+  for (std::size_t k = 0; k < e.units.size(); ++k) {
+    const UnitShape& u = e.units[k];
+    const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+    for (Eigen::Index s = 0; s < u.shape.size() && e.h->scope() != Scope::window; ++s) {
+      if (shape[static_cast<std::size_t>(s)].points < 3) continue;
+      const double step = 1e-3 * std::max(std::abs(u.shape[s]), 1e-3);
+      Eigen::VectorXd ahead = u.shape, behind = u.shape;
+      ahead[s] += step;
+      behind[s] -= step;
+      const RowBlock a = rows.block(*e.h, u.unit, ahead), b = rows.block(*e.h, u.unit, behind);
+      RowBlock slope;
+      slope.channels = a.channels;
+      for (std::size_t c = 0; c < a.channels.size(); ++c) {
+        const Eigen::MatrixXd d = (a.values[c] - b.values[c]) / (2.0 * step);
+        slope.values.push_back(p > 0 ? Eigen::MatrixXd(d * fit.theta.segment(offset, p))
+                                     : Eigen::MatrixXd(d.rowwise().sum()));
+      }
+      slopes.push_back(std::move(slope));
+      shape_of.emplace_back(k, s);
+    }
+    offset += p;
+  }
+  for (const RowBlock& slope : slopes) terms.push_back({&slope, false});
+  const detail::Fit wide = detail::fit_terms(rows, rows.y, terms, model.kappa);
+  const auto extra = static_cast<Eigen::Index>(slopes.size());
+  std::vector<Eigen::Index> chosen;
+  for (Eigen::Index k = 0; k < mine; ++k) chosen.push_back(first + k);
+  for (Eigen::Index k = 0; k < extra; ++k) chosen.push_back(all + k);
+  const Eigen::MatrixXd covariance = wide.covariance(chosen, chosen);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  const Eigen::MatrixXd root =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+
+  std::vector<Eigen::VectorXd> shapes;
+  for (const UnitShape& u : e.units) shapes.push_back(u.shape);
+  const Eigen::VectorXd theta = fit.theta.segment(first, mine);
+  const Values best = values_of(robot, e, theta, shapes);
+  constexpr int draws = 400;
+  std::vector<Eigen::MatrixXd> drawn;
+  for (const Eigen::VectorXd& v : best.values) drawn.emplace_back(v.size(), draws);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  for (int d = 0; d < draws; ++d) {
+    Eigen::VectorXd z(chosen.size());
+    for (double& x : z) x = normal(random);
+    const Eigen::VectorXd change = interval_factor * (root * z);
+    std::vector<Eigen::VectorXd> moved = shapes;
+    for (Eigen::Index k = 0; k < extra; ++k) {
+      const auto& [unit, s] = shape_of[static_cast<std::size_t>(k)];
+      const ShapeParameter& range = shape[static_cast<std::size_t>(s)];
+      moved[unit][s] = std::clamp(moved[unit][s] + change[mine + k], range.low, range.high);
+    }
+    const Values v = values_of(robot, e, theta + change.head(mine), moved);
+    for (std::size_t k = 0; k < v.values.size(); ++k) drawn[k].col(d) = v.values[k];
+  }
+  FoundEffect found;
+  found.effect.name = e.h->name();
+  for (const UnitShape& u : e.units)
+    for (const int j : e.h->joints(robot, u.unit)) found.effect.joints.push_back(j);
+  for (std::size_t k = 0; k < best.keys.size(); ++k) {
+    Estimate estimate{best.keys[k], best.units[k], best.values[k], best.values[k], best.values[k]};
+    for (Eigen::Index i = 0; i < best.values[k].size(); ++i) {
+      Eigen::VectorXd x = drawn[k].row(i).transpose();
+      std::sort(x.data(), x.data() + x.size());
+      estimate.low[i] = std::min(estimate.value[i], x[draws / 20]);
+      estimate.high[i] = std::max(estimate.value[i], x[draws - 1 - draws / 20]);
+    }
+    found.effect.parameters[best.keys[k]] =
+        std::vector<double>(best.values[k].data(), best.values[k].data() + best.values[k].size());
+    found.parameters.push_back(std::move(estimate));
+  }
+  return found;
+}
+
+}  // namespace
+
+const char* to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::no_gap:
+      return "no_gap";
+    case Verdict::not_detected:
+      return "not_detected";
+    case Verdict::explained:
+      return "explained";
+    case Verdict::partly_explained:
+      return "partly_explained";
+    case Verdict::unexplained:
+      return "unexplained";
+    case Verdict::data_invalid:
+      break;
+  }
+  return "data_invalid";
+}
+
+Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const DiagnoseOptions& options) {
+  const auto began = std::chrono::steady_clock::now();
+  const auto say = [&](const char* stage, double fraction) {
+    if (options.progress) options.progress(stage, fraction);
+  };
+  if (logs.empty()) throw Error("diagnosis: no log");
+  Diagnosis out;
+  say("checking the data", 0.0);
+  PrepareOptions prepare_options;
+  prepare_options.cutoff = options.cutoff;
+  if (options.cutoff == 0.0) {
+    // Wide enough for the corners of friction, where the sampling allows it.
+    prepare_options.cutoff = 10.0;
+    for (const Log& log : logs) prepare_options.cutoff = std::min(prepare_options.cutoff, std::max(8.0, choose_cutoff(log)));
+    for (const Log& log : logs) {
+      const double rate = double(log.samples() - 1) / std::max(1e-9, log.t[log.samples() - 1] - log.t[0]);
+      prepare_options.cutoff = std::min(prepare_options.cutoff, rate / 6.0);
+    }
+  }
+  out.cutoff = prepare_options.cutoff;
+  for (const Log& log : logs) out.logs.push_back(prepare(log, prepare_options));
+
+  // What chooses and fits, and what only judges.
+  say("nominal model", 0.05);
+  const bool several = out.logs.size() > 1;
+  const GapRows everything(nominal, out.logs);
+  const Eigen::Index guard = 4;
+  std::vector<bool> first(static_cast<std::size_t>(everything.size())), last = first;
+  if (several) {
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      last[i] = everything.log[i] + 1 == static_cast<int>(out.logs.size());
+      first[i] = !last[i];
+    }
+  } else {
+    first = alternate(everything, false, block_seconds, guard);
+    last = alternate(everything, true, block_seconds, guard);
+  }
+  const GapRows rows(everything, first), held(everything, last);
+  for (PreparedLog& log : out.logs) log.segments.clear();
+  if (rows.size() < 40 || held.size() < 10)
+    throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
+                std::to_string(held.size()) + " to judge by are too few");
+
+  std::vector<const Hypothesis*> library;
+  for (const auto& h : hypotheses())
+    if (std::find(options.withhold.begin(), options.withhold.end(), h->name()) == options.withhold.end())
+      library.push_back(h.get());
+  say("effects", 0.1);
+  const Search search(rows, library);
+
+  // How far off the nominal parameters are is found with the effects: first as if they were exact, then once
+  // more with the error that the data ask for.
+  say("choosing effects", 0.3);
+  GapModel model = search.best(0.0, options.most_effects);
+  double kappa = 0.0, score = std::max(model.score, search.none(0.0).score);
+  for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
+    if (k > 1.5 * options.tolerance) continue;
+    const double here = std::max(search.evaluate(model.effects, k).score, search.none(k).score);
+    if (here > score + 2.0) kappa = k, score = here;
+  }
+  if (kappa > 0.0) {
+    say("choosing effects, the nominal model being off", 0.5);
+    const GapModel again = search.best(kappa, options.most_effects);
+    if (again.score > model.score) model = again;
+  }
+  const GapModel none = search.none(model.kappa);
+  out.nominal_error = model.kappa;
+
+  // Is there a gap at all?
+  say("surrogates", 0.7);
+  const std::vector<Eigen::MatrixXd> drawn =
+      detail::surrogates(rows, none.fit.residual, options.surrogates, options.seed);
+  out.p_value = search.p_value(none.fit.residual, drawn);
+  const Eigen::VectorXd noise = rms(model.fit.residual).cwiseMax(rows.white_floor);
+  out.rms = rms(everything.y);
+  out.floor = noise;
+  out.where = detail::locate(rows, noise, detail::surrogates(rows, rows.y, options.surrogates, options.seed));
+
+  // What no effect explains, against the white floor: coloured noise and the nominal's own errors have room.
+  const Eigen::VectorXd scale = rms(rows.load).cwiseMax(0.05 * rms(rows.load).maxCoeff());
+  const Eigen::VectorXd allowed = 4.0 * rows.white_floor + options.tolerance * scale;
+  const auto left_over = [&](const Eigen::MatrixXd& residual) {
+    return (rms(residual).array() > allowed.array()).any();
+  };
+  const double noise_energy = double(rows.joints());
+  const double before = energy(none.fit.left, rows.white_floor) - noise_energy;
+  const double after = energy(model.fit.residual, rows.white_floor) - noise_energy;
+  out.explained = before > 0.0 ? std::clamp(1.0 - after / before, 0.0, 1.0) : 0.0;
+  if (model.effects.empty()) {
+    if (left_over(model.fit.residual))
+      out.verdict = Verdict::unexplained;
+    else
+      out.verdict = out.p_value <= detection ? Verdict::not_detected : Verdict::no_gap;
+  } else if (out.explained < 0.5 && left_over(model.fit.residual)) {
+    out.verdict = Verdict::unexplained;
+  } else {
+    out.verdict = left_over(model.fit.residual) && out.explained < 0.9 ? Verdict::partly_explained : Verdict::explained;
+  }
+  std::vector<std::string> names;
+  for (const Log& log : logs) names.push_back(log.source);
+  out.windows = detail::windows(rows, rows.y, names);
+
+  // Which effect could stand in the place of each.
+  say("alternatives", 0.8);
+  const bool adopt = out.verdict == Verdict::explained || out.verdict == Verdict::partly_explained;
+  std::vector<double> shares;
+  for (std::size_t k = 0; k < model.effects.size(); ++k)
+    shares.push_back(energy(contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)), noise));
+  std::vector<std::size_t> order(model.effects.size());
+  for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
+  double total_share = 0.0;
+  for (const double s : shares) total_share += s;
+  const bool windowed = has_window(model);
+  const GapRows& whole = windowed ? rows : everything;
+  const std::vector<Adopted> final_effects = carried(whole, model.effects);
+  GapModel final_model = model;
+  final_model.effects = final_effects;
+  final_model.fit = fit_of(whole, final_effects, model.kappa);
+  std::map<std::string, double> ranking;
+  for (const std::size_t k : order) {
+    std::vector<Adopted> others = model.effects;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+    const GapModel base = search.evaluate(others, model.kappa);
+    std::map<std::string, double> scores = {{model.effects[k].h->name(), model.score}};
+    FoundEffect found;
+    if (adopt) found = found_effect(nominal, whole, final_model, k, final_model.fit, options.seed + static_cast<unsigned>(k));
+    for (const GapModel& m : search.alternatives(base, 8)) {
+      const std::string name = m.effects.back().h->name();
+      double& best = scores.emplace(name, m.score).first->second;
+      best = std::max(best, m.score);
+      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - temperature)
+        found.aliases.push_back(name);
+    }
+    double sum = 0.0;
+    for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / temperature);
+    found.probability = (1.0 - doubt) / sum;
+    if (k == order.front())
+      for (const auto& [name, s] : scores) ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / temperature) / sum;
+    found.share = total_share > 0.0 ? shares[k] / total_share : 0.0;
+    if (adopt) out.effects.push_back(std::move(found));
+  }
+  for (const Hypothesis* h : library) ranking.emplace(h->name(), 0.0);
+  out.ranking.assign(ranking.begin(), ranking.end());
+  std::stable_sort(out.ranking.begin(), out.ranking.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+
+  // How far it shrinks where nothing was chosen or fitted. A contact does not come again: its window is
+  // fitted in every other block and judged in those between.
+  say("shrink", 0.95);
+  if (windowed) {
+    const GapRows odd(rows, alternate(rows, true, 0.4, 1)), even(rows, alternate(rows, false, 0.4, 1));
+    GapModel part = model;
+    part.effects = carried(odd, model.effects);
+    part.fit = fit_of(odd, part.effects, model.kappa);
+    out.shrink = shrink_of(even, even.y - contribution(even, part, part.fit.theta), noise, options.seed);
+  } else {
+    const Eigen::MatrixXd rest =
+        adopt ? Eigen::MatrixXd(held.y - contribution(held, model, model.fit.theta)) : held.y;
+    out.shrink = shrink_of(held, rest, noise, options.seed);
+  }
+  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  return out;
+}
+
+Robot patched(const Robot& nominal, const std::vector<FoundEffect>& effects) {
+  Robot robot = nominal;
+  for (const FoundEffect& found : effects) {
+    const Hypothesis* h = find_hypothesis(found.effect.name);
+    if (h == nullptr) throw Error("effect '" + found.effect.name + "': unknown");
+    if (!h->enter(robot, found.effect)) robot.effects.push_back(found.effect);
+  }
+  return robot;
+}
+
+}  // namespace dynid

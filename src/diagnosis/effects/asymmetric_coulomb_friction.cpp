@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fc+ in one direction, Fc- in the other.
+#include "effects.hpp"
+
+#include <cmath>
+
+namespace dynid::detail {
+namespace {
+
+class AsymmetricCoulombFriction : public OwnTorque {
+ public:
+  AsymmetricCoulombFriction()
+      : OwnTorque("asymmetric_coulomb_friction",
+                  {{"coefficient_positive", "N m"}, {"coefficient_negative", "N m"}}) {}
+  double prior() const override { return 0.3; }
+  std::vector<ShapeParameter> shape() const override { return {velocity_scale()}; }
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    // One that helps the motion in one direction as much as it hinders it in the other is an offset.
+    return c[0] * c[1] > 0.0 || std::abs(c.sum()) > 0.5 * c.cwiseAbs().maxCoeff();
+  }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
+    const Eigen::ArrayXd s = smooth_signs(motion, j, shape[0]);
+    Eigen::MatrixXd both(s.size(), 2);
+    both << s.max(0.0), s.min(0.0);
+    return both;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_asymmetric_coulomb_friction() { return std::make_unique<AsymmetricCoulombFriction>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "effects.hpp"
+
+#include "dynid/error.hpp"
+#include "dynid/signal/filter.hpp"
+
+namespace dynid::detail {
+
+namespace {
+
+const std::vector<double>& values_of(const Effect& effect, const std::string& key, std::size_t size) {
+  const auto found = effect.parameters.find(key);
+  if (found == effect.parameters.end())
+    throw Error("effect '" + effect.name + "': parameter '" + key + "' is missing");
+  if (found->second.size() != size)
+    throw Error("effect '" + effect.name + "': parameter '" + key + "' has " +
+                std::to_string(found->second.size()) + " values, " + std::to_string(size) + " are needed");
+  return found->second;
+}
+
+}  // namespace
+
+double joint_value(const Robot& robot, const Effect& effect, const std::string& key, int unit) {
+  return values_of(effect, key, robot.joints.size())[static_cast<std::size_t>(unit)];
+}
+
+Eigen::VectorXd arm_value(const Effect& effect, const std::string& key, int size) {
+  return Eigen::Map<const Eigen::VectorXd>(values_of(effect, key, static_cast<std::size_t>(size)).data(), size);
+}
+
+std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect& effect) {
+  if (h.scope() == Scope::arm) return {0};
+  if (effect.joints.empty()) throw Error("effect '" + effect.name + "': joints are missing");
+  if (h.scope() == Scope::pair) {
+    if (effect.joints.size() != 2 || effect.joints[1] != effect.joints[0] + 1)
+      throw Error("effect '" + effect.name + "': two neighbouring joints are needed");
+    return {effect.joints.front() - 1};
+  }
+  if (h.scope() == Scope::window) return {effect.joints.back() - 1};
+  std::vector<int> units;
+  for (const int joint : effect.joints) {
+    if (joint < 1 || joint > robot.size())
+      throw Error("effect '" + effect.name + "': there is no joint " + std::to_string(joint));
+    units.push_back(joint - 1);
+  }
+  return units;
+}
+
+Eigen::MatrixXd shifted_joint(const GapMotion& motion, int joint, const Eigen::VectorXd& d) {
+  Eigen::MatrixXd shift[3];
+  const Eigen::MatrixXd rate = differentiate(d, motion.rate);
+  const Eigen::MatrixXd second = differentiate(rate, motion.rate);
+  for (int k = 0; k < 3; ++k) {
+    shift[k] = Eigen::MatrixXd::Zero(motion.samples(), motion.joints());
+    shift[k].col(joint) = k == 0 ? d : Eigen::VectorXd(k == 1 ? rate.col(0) : second.col(0));
+  }
+  return motion.along(shift[0], shift[1], shift[2]);
+}
+
+ColumnBlock all_channels(const std::vector<Eigen::MatrixXd>& columns) {
+  ColumnBlock block;
+  const auto size = static_cast<Eigen::Index>(columns.size());
+  for (Eigen::Index j = 0; j < columns.front().cols(); ++j) {
+    block.channels.push_back(static_cast<int>(j));
+    Eigen::MatrixXd values(columns.front().rows(), size);
+    for (Eigen::Index k = 0; k < size; ++k) values.col(k) = columns[static_cast<std::size_t>(k)].col(j);
+    block.values.push_back(std::move(values));
+  }
+  return block;
+}
+
+std::vector<NamedValue> OwnTorque::parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                              const Eigen::VectorXd& shape) const {
+  std::vector<NamedValue> values;
+  for (std::size_t k = 0; k < coefficients_.size(); ++k)
+    values.push_back({coefficients_[k].key, coefficients_[k].unit,
+                      Eigen::VectorXd::Constant(1, c[static_cast<Eigen::Index>(k)])});
+  const std::vector<ShapeParameter> shapes = this->shape();
+  for (std::size_t k = 0; k < shapes.size(); ++k)
+    values.push_back({shapes[k].key, shapes[k].unit,
+                      Eigen::VectorXd::Constant(1, shape[static_cast<Eigen::Index>(k)])});
+  return values;
+}
+
+void OwnTorque::restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+                        Eigen::VectorXd& shape) const {
+  c.resize(static_cast<Eigen::Index>(coefficients_.size()));
+  for (Eigen::Index k = 0; k < c.size(); ++k)
+    c[k] = joint_value(robot, effect, coefficients_[static_cast<std::size_t>(k)].key, unit);
+  const std::vector<ShapeParameter> shapes = this->shape();
+  shape.resize(static_cast<Eigen::Index>(shapes.size()));
+  for (Eigen::Index k = 0; k < shape.size(); ++k)
+    shape[k] = joint_value(robot, effect, shapes[static_cast<std::size_t>(k)].key, unit);
+}
+
+ShapeParameter velocity_scale() { return {"velocity_scale", "rad/s", 0.002, 0.2, 3, true}; }
+
+Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double scale) {
+  return (motion.dq.col(joint).array() / scale).tanh();
+}
+
+}  // namespace dynid::detail

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dynid/diagnosis/hypothesis.hpp"
+
+namespace dynid::detail {
+
+/// The value that the effect has for joint `unit` (from 0); throws Error where it is missing.
+double joint_value(const Robot& robot, const Effect& effect, const std::string& key, int unit);
+/// The `size` numbers of a parameter of the whole arm; throws Error where it is missing or of another size.
+Eigen::VectorXd arm_value(const Effect& effect, const std::string& key, int size);
+/// The units that an effect of a model file stands for.
+std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect& effect);
+
+/// What joint j (from 0) adds when it stands `d` (N) [rad] further than measured, per unit: N x n.
+Eigen::MatrixXd shifted_joint(const GapMotion& motion, int joint, const Eigen::VectorXd& d);
+ColumnBlock all_channels(const std::vector<Eigen::MatrixXd>& columns);  ///< N x n each: one a coefficient
+
+/// An effect that a joint has of its own, in its own torque, with parameters that are its coefficients times
+/// `sign` and its shape parameters.
+class OwnTorque : public Hypothesis {
+ public:
+  struct Coefficient {
+    std::string key, unit;
+  };
+  OwnTorque(std::string name, std::vector<Coefficient> coefficients)
+      : name_(std::move(name)), coefficients_(std::move(coefficients)) {}
+
+  std::string name() const override { return name_; }
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
+    return {{unit}, {own(motion, unit, shape)}};
+  }
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd& shape) const override;
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override;
+
+ protected:
+  virtual Eigen::MatrixXd own(const GapMotion& motion, int joint, const Eigen::VectorXd& shape) const = 0;
+
+ private:
+  std::string name_;
+  std::vector<Coefficient> coefficients_;
+};
+
+/// The width of the smoothed sign, which no parameter of the field describes: a shape parameter of every
+/// Coulomb-like effect.
+ShapeParameter velocity_scale();
+/// tanh(dq / v_s) of a joint: N.
+Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double velocity_scale);
+
+}  // namespace dynid::detail

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// (d tau / d q_j) dq0_j: the joint stands dq0 further than its encoder says.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class EncoderOffset : public OwnTorque {
+ public:
+  EncoderOffset() : OwnTorque("encoder_offset", {{"offset", "rad"}}) {}
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
+    return all_channels({shifted_joint(motion, unit, Eigen::VectorXd::Ones(motion.samples()))});
+  }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion&, int, const Eigen::VectorXd&) const override { return {}; }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_encoder_offset() { return std::make_unique<EncoderOffset>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Friction and inertia on the sum (or difference) of two neighbours' speeds, as in geared wrists.
+#include "dynid/error.hpp"
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class GearCoupling : public Hypothesis {
+ public:
+  std::string name() const override { return "gear_coupling"; }
+  Scope scope() const override { return Scope::pair; }
+  double prior() const override { return 0.3; }
+  std::vector<ShapeParameter> shape() const override {
+    return {{"ratio", "1", -1.0, 1.0, 2, false}, velocity_scale()};
+  }
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
+    const Eigen::VectorXd speed = motion.dq.col(unit) + shape[0] * motion.dq.col(unit + 1);
+    Eigen::MatrixXd own(motion.samples(), 3);
+    own << speed, (speed.array() / shape[1]).tanh(),
+        motion.ddq.col(unit) + shape[0] * motion.ddq.col(unit + 1);
+    return {{unit, unit + 1}, {own, shape[0] * own}};
+  }
+  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd& shape) const override {
+    const auto one = [](double x) { return Eigen::VectorXd::Constant(1, x); };
+    return {{"viscous", "N m s/rad", one(c[0]), false},
+            {"coulomb", "N m", one(c[1]), false},
+            {"inertia", "kg m^2", one(c[2]), false},
+            {"ratio", "1", one(shape[0]), false},
+            {"velocity_scale", "rad/s", one(shape[1]), false}};
+  }
+  void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c.resize(3);
+    c << arm_value(effect, "viscous", 1), arm_value(effect, "coulomb", 1), arm_value(effect, "inertia", 1);
+    shape.resize(2);
+    shape << arm_value(effect, "ratio", 1), arm_value(effect, "velocity_scale", 1);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_gear_coupling() { return std::make_unique<GearCoupling>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// k (q - q0): cable, counterbalance.
+#include <cmath>
+
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class JointSpring : public OwnTorque {
+ public:
+  JointSpring() : OwnTorque("joint_spring", {}) {}
+  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd&) const override {
+    return {{"stiffness", "N m/rad", Eigen::VectorXd::Constant(1, c[0])},
+            {"rest", "rad", Eigen::VectorXd::Constant(1, c[0] != 0.0 ? -c[1] / c[0] : 0.0)}};
+  }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    const double k = joint_value(robot, effect, "stiffness", unit);
+    c = Eigen::Vector2d(k, -k * joint_value(robot, effect, "rest", unit));
+    shape.resize(0);
+  }
+
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    // One at rest far beyond the joint's range pulls alike everywhere: an offset.
+    const JointLimits& limits = robot.joints[static_cast<std::size_t>(unit)].limits;
+    const double rest = -c[1] / c[0], room = 1.0;
+    return std::abs(rest) < 6.3 && rest > limits.lower - room && rest < limits.upper + room;
+  }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
+    Eigen::MatrixXd both(motion.samples(), 2);
+    both << motion.q.col(j), Eigen::VectorXd::Ones(motion.samples());
+    return both;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_joint_spring() { return std::make_unique<JointSpring>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// A change of the ten standard parameters of one link.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class LinkInertialError : public Hypothesis {
+ public:
+  std::string name() const override { return "link_inertial_error"; }
+  Scope scope() const override { return Scope::link; }
+  double prior() const override { return 0.1; }  // on the last link it is a payload
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
+    ColumnBlock block;
+    for (int j = 0; j <= unit; ++j) {
+      block.channels.push_back(j);
+      block.values.push_back(motion.link_columns(unit, j));
+    }
+    return block;
+  }
+  std::vector<NamedValue> parameters(const Robot&, int unit, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd&) const override {
+    return {{"link", "1", Eigen::VectorXd::Constant(1, unit + 1), false},
+            {"mass", "kg", Eigen::VectorXd::Constant(1, c[0]), false},
+            {"first_moment", "kg m", c.segment(1, 3), false},
+            {"inertia_about_origin", "kg m^2", c.tail(6), false}};
+  }
+  void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c = change(effect);
+    shape.resize(0);
+  }
+  bool enter(Robot& robot, const Effect& effect) const override {
+    robot.joints[static_cast<std::size_t>(effect.joints.front() - 1)].parameters += change(effect);
+    return true;
+  }
+
+ private:
+  static Eigen::VectorXd change(const Effect& effect) {
+    Eigen::VectorXd c(10);
+    c << arm_value(effect, "mass", 1), arm_value(effect, "first_moment", 3),
+        arm_value(effect, "inertia_about_origin", 6);
+    return c;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_link_inertial_error() { return std::make_unique<LinkInertialError>(); }
+
+}  // namespace dynid::detail

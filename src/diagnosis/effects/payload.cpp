@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
+#include "dynid/error.hpp"
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class Payload : public Hypothesis {
+ public:
+  std::string name() const override { return "payload"; }
+  Scope scope() const override { return Scope::arm; }
+  ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd&) const override {
+    ColumnBlock block;
+    for (int j = 0; j < motion.joints(); ++j) {
+      block.channels.push_back(j);
+      block.values.push_back(motion.link_columns(motion.joints() - 1, j));
+    }
+    return block;
+  }
+  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd&) const override {
+    const LinkInertia body = from_standard(StandardParameters(c));
+    Eigen::VectorXd inertia(6);
+    inertia << body.inertia(0, 0), body.inertia(0, 1), body.inertia(0, 2), body.inertia(1, 1),
+        body.inertia(1, 2), body.inertia(2, 2);
+    return {{"mass", "kg", Eigen::VectorXd::Constant(1, body.mass), false},
+            {"com", "m", body.com, false},
+            {"inertia", "kg m^2", inertia, false}};
+  }
+  void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c = to_standard(body(effect));
+    shape.resize(0);
+  }
+  bool enter(Robot& robot, const Effect& effect) const override {
+    robot.joints.back().parameters += to_standard(body(effect));
+    return true;
+  }
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return c[0] > 0.0 && (c.segment<3>(1) / c[0]).norm() < 1.0;
+  }
+
+ private:
+  static LinkInertia body(const Effect& effect) {
+    LinkInertia b;
+    b.mass = arm_value(effect, "mass", 1)[0];
+    b.com = arm_value(effect, "com", 3);
+    const Eigen::VectorXd i = arm_value(effect, "inertia", 6);
+    b.inertia << i[0], i[1], i[2], i[1], i[3], i[4], i[2], i[4], i[5];
+    return b;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_payload() { return std::make_unique<Payload>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// A Maxwell slip element: a spring that slips at its Coulomb torque, bent by slip [rad] until then.
+#include "effects.hpp"
+
+#include <algorithm>
+
+namespace dynid::detail {
+namespace {
+
+class PreslidingHysteresis : public OwnTorque {
+ public:
+  PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
+  std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.004, 0.4, 7, true}}; }
+  double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
+    const double slip = shape[0];
+    Eigen::VectorXd torque(motion.samples());
+    double bent = 0.0;
+    for (Eigen::Index i = 0; i < torque.size(); ++i) {
+      if (i > 0) bent = std::clamp(bent + motion.q(i, j) - motion.q(i - 1, j), -slip, slip);
+      torque[i] = bent / slip;
+    }
+    return torque;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_presliding_hysteresis() { return std::make_unique<PreslidingHysteresis>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ia ddq.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class RotorInertia : public OwnTorque {
+ public:
+  RotorInertia() : OwnTorque("rotor_inertia", {{"armature", "kg m^2"}}) {}
+  bool enter(Robot& robot, const Effect& effect) const override {
+    for (const int j : effect.joints)
+      robot.joints[static_cast<std::size_t>(j - 1)].rotor_inertia += joint_value(robot, effect, "armature", j - 1);
+    return true;
+  }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
+    return motion.ddq.col(j);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_rotor_inertia() { return std::make_unique<RotorInertia>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fv exp(-t / T) dq: viscous friction of a cold joint that warms. A slower one than 15 s cannot be told from
+// viscous friction on a short log.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class ThermalFrictionDrift : public OwnTorque {
+ public:
+  ThermalFrictionDrift() : OwnTorque("thermal_friction_drift", {{"coefficient", "N m s/rad"}}) {}
+  std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 15.0, 5, true}}; }
+  double prior() const override { return 0.4; }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
+    return motion.dq.col(j).array() * (-motion.t.array() / shape[0]).exp();
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_thermal_friction_drift() { return std::make_unique<ThermalFrictionDrift>(); }
+
+}  // namespace dynid::detail

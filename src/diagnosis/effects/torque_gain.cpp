@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// G tau: the sensor reads (1 + G) tau.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class TorqueGain : public OwnTorque {
+ public:
+  TorqueGain() : OwnTorque("torque_gain", {{"gain", "1"}}) {}
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
+    return motion.nominal.col(j);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_torque_gain() { return std::make_unique<TorqueGain>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// A constant.
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class TorqueOffset : public OwnTorque {
+ public:
+  TorqueOffset() : OwnTorque("torque_offset", {{"offset", "N m"}}) {}
+  bool enter(Robot& robot, const Effect& effect) const override {
+    for (const int j : effect.joints)
+      robot.joints[static_cast<std::size_t>(j - 1)].friction.linear.offset +=
+          joint_value(robot, effect, "offset", j - 1);
+    return true;
+  }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int, const Eigen::VectorXd&) const override {
+    return Eigen::VectorXd::Ones(motion.samples());
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_torque_offset() { return std::make_unique<TorqueOffset>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// A sin(N q + phase): cogging, gear teeth, a strain wave.
+#include "effects.hpp"
+
+#include <cmath>
+
+namespace dynid::detail {
+namespace {
+
+class TorqueRipple : public OwnTorque {
+ public:
+  TorqueRipple() : OwnTorque("torque_ripple", {}) {}
+  std::vector<ShapeParameter> shape() const override { return {{"order", "1/rad", 2.0, 40.0, 77, false}}; }
+  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd& shape) const override {
+    return {{"amplitude", "N m", Eigen::VectorXd::Constant(1, c.norm())},
+            {"order", "1/rad", shape},
+            {"phase", "rad", Eigen::VectorXd::Constant(1, std::atan2(c[1], c[0]))}};
+  }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    const double a = joint_value(robot, effect, "amplitude", unit),
+                 phase = joint_value(robot, effect, "phase", unit);
+    c = Eigen::Vector2d(a * std::cos(phase), a * std::sin(phase));
+    shape = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "order", unit));
+  }
+  double prior() const override { return 0.4; }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
+    const Eigen::ArrayXd angle = shape[0] * motion.q.col(j).array();
+    Eigen::MatrixXd both(angle.size(), 2);
+    both << angle.sin(), angle.cos();
+    return both;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_torque_ripple() { return std::make_unique<TorqueRipple>(); }
+
+}  // namespace dynid::detail

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "rows.hpp"
+
+namespace dynid::detail {
+
+/// Noise of one joint's torque in the band: an autoregression and the variance of its innovations.
+struct ChannelNoise {
+  Eigen::VectorXd ar;      ///< e_t = sum_k ar_k e_{t-k-1} + innovation
+  double variance = 0.0;   ///< [(N m)^2]
+};
+
+/// Columns that take part in a fit.
+struct Term {
+  const RowBlock* block;
+  bool fixed = false;  ///< its coefficients are 1
+};
+
+/// A fit by generalised least squares with autoregressive errors found along with it, the nominal model's
+/// relative errors (standard deviation kappa) being integrated out.
+struct Fit {
+  Eigen::VectorXd theta;                ///< coefficients of the terms that are not fixed, one after the other
+  Eigen::MatrixXd covariance;           ///< of theta
+  Eigen::MatrixXd left;                 ///< rows x n: the gap without the terms
+  Eigen::MatrixXd residual;             ///< rows x n: and without what the nominal model's errors explain
+  std::vector<ChannelNoise> noise;      ///< of each joint
+  Eigen::VectorXd evidence;             ///< of each joint: log marginal likelihood, coefficients at their best
+  double total = 0.0;                   ///< sum of `evidence`
+};
+
+/// One joint alone.
+struct ChannelFit {
+  Eigen::VectorXd theta;
+  ChannelNoise noise;
+  Eigen::VectorXd residual;
+  double evidence = 0.0;
+};
+
+/// `y` (rows) of joint j against `columns` (rows x p, p may be 0).
+ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
+                       const Eigen::MatrixXd& columns, double kappa);
+
+/// All joints together. `y`: rows x n.
+Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa);
+
+/// `x` (rows x columns) whitened by the noise, in units of its standard deviation; the first rows of every
+/// part, which have no past, are left out.
+Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const ChannelNoise& noise);
+
+}  // namespace dynid::detail

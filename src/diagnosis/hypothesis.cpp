@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/hypothesis.hpp"
+
+#include <numeric>
+
+#include "dynid/error.hpp"
+#include "effects/effects.hpp"
+
+namespace dynid {
+
+std::vector<int> Hypothesis::joints(const Robot& robot, int unit) const {
+  switch (scope()) {
+    case Scope::joint:
+      return {unit + 1};
+    case Scope::pair:
+      return {unit + 1, unit + 2};
+    case Scope::link:
+      return {unit + 1};
+    case Scope::window: {
+      std::vector<int> all(static_cast<std::size_t>(unit) + 1);
+      std::iota(all.begin(), all.end(), 1);
+      return all;
+    }
+    case Scope::arm:
+      break;
+  }
+  std::vector<int> all(robot.joints.size());
+  std::iota(all.begin(), all.end(), 1);
+  return all;
+}
+
+const Hypothesis* find_hypothesis(const std::string& name) {
+  for (const auto& h : hypotheses())
+    if (h->name() == name) return h.get();
+  return nullptr;
+}
+
+Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion) {
+  Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(motion.samples(), robot.size());
+  for (const Effect& effect : robot.effects) {
+    const Hypothesis* h = find_hypothesis(effect.name);
+    if (h == nullptr) throw Error("effect '" + effect.name + "': unknown");
+    for (const int unit : detail::units_of(*h, robot, effect)) {
+      Eigen::VectorXd c, shape;
+      h->restore(robot, effect, unit, c, shape);
+      const ColumnBlock block = h->columns(motion, unit, shape);
+      for (std::size_t k = 0; k < block.channels.size(); ++k)
+        tau.col(block.channels[k]) += block.values[k] * c;
+    }
+  }
+  return tau;
+}
+
+}  // namespace dynid

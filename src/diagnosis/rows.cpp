@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rows.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "dynid/friction/friction.hpp"
+
+namespace dynid::detail {
+namespace {
+
+constexpr double edge_periods = 1.0;    // of the cut-off, at either end of a stretch
+constexpr Eigen::Index directions = 24;  // of the nuisance, at most
+constexpr double usual_lateness = 1e-3;  // [s] of stamps
+
+}  // namespace
+
+GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
+  auto motions = std::make_shared<std::vector<GapMotion>>();
+  auto stretches = std::make_shared<std::vector<Stretch>>();
+  parts.push_back(0);
+  std::vector<double> stamps;
+  for (std::size_t l = 0; l < logs.size(); ++l) {
+    const double start = logs[l].segments.front().t[0];
+    for (const Segment& segment : logs[l].segments) {
+      const auto factor = std::max<Eigen::Index>(
+          1, static_cast<Eigen::Index>(std::floor(segment.rate / (2.5 * logs[l].cutoff))));
+      const DecimatingFilter filter(ZeroPhaseButterworth(logs[l].cutoff, segment.rate).half_kernel(), factor);
+      const auto edge = static_cast<Eigen::Index>(std::ceil(edge_periods * segment.rate / logs[l].cutoff));
+      Eigen::Index first = 0, last = filter.outputs(segment.t.size()) - 1;
+      while (first <= last && filter.centre(first) < edge) ++first;
+      while (last >= first && filter.centre(last) > segment.t.size() - 1 - edge) --last;
+      if (last < first) continue;
+      motions->emplace_back(nominal, segment, start);
+      stretches->push_back({filter, first, last - first + 1});
+      parts.push_back(parts.back() + last - first + 1);
+      for (Eigen::Index k = first; k <= last; ++k) {
+        stamps.push_back(motions->back().t[filter.centre(k)]);
+        log.push_back(static_cast<int>(l));
+      }
+    }
+  }
+  motions_ = motions;
+  stretches_ = stretches;
+  t = Eigen::Map<Eigen::VectorXd>(stamps.data(), static_cast<Eigen::Index>(stamps.size()));
+  std::vector<Eigen::MatrixXd> gap, position, speed, acceleration, torque;
+  for (const GapMotion& m : *motions_) {
+    gap.push_back(m.tau - m.nominal);
+    position.push_back(m.q);
+    speed.push_back(m.dq);
+    acceleration.push_back(m.ddq);
+    torque.push_back(m.rigid);
+  }
+  y = filtered(gap);
+  q = filtered(position);
+  dq = filtered(speed);
+  ddq = filtered(acceleration);
+  load = filtered(torque);
+  for (std::size_t s = 0; s < motions_->size(); ++s) {
+    const GapMotion& m = (*motions_)[s];
+    torque[s] = usual_lateness * differentiate(m.nominal, m.rate);
+  }
+  timing = filtered(torque);
+  find_white_floor();
+  make_nuisance();
+}
+
+void GapRows::find_white_floor() {
+  // Third differences leave noise of twenty times the variance and next to nothing of the motion.
+  const int n = static_cast<int>(y.cols());
+  white_floor = Eigen::VectorXd::Zero(n);
+  double samples = 0.0;
+  for (std::size_t s = 0; s < motions_->size(); ++s) {
+    const Eigen::MatrixXd& x = (*motions_)[s].tau;
+    const Eigen::Index size = x.rows() - 3;
+    if (size < 1) continue;
+    const Eigen::MatrixXd third = x.bottomRows(size) - 3.0 * x.middleRows(2, size) + 3.0 * x.middleRows(1, size) -
+                                  x.topRows(size);
+    // What the filter leaves of white noise: the energy of its kernel.
+    white_floor += third.colwise().squaredNorm().transpose() / 20.0 * (*stretches_)[s].filter.white_gain();
+    samples += double(size);
+  }
+  white_floor = (white_floor / std::max(1.0, samples)).cwiseSqrt();
+}
+
+GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
+    : motions_(other.motions_), stretches_(other.stretches_) {
+  std::vector<Eigen::Index> rows;
+  parts.push_back(0);
+  for (std::size_t p = 0; p + 1 < other.parts.size(); ++p) {
+    bool before = false;
+    for (Eigen::Index i = other.parts[p]; i < other.parts[p + 1]; ++i) {
+      const bool now = keep[static_cast<std::size_t>(i)];
+      if (!now && before) parts.push_back(static_cast<Eigen::Index>(rows.size()));
+      if (now) {
+        kept_.push_back(other.kept_.empty() ? i : other.kept_[static_cast<std::size_t>(i)]);
+        rows.push_back(i);
+        log.push_back(other.log[static_cast<std::size_t>(i)]);
+      }
+      before = now;
+    }
+    if (before) parts.push_back(static_cast<Eigen::Index>(rows.size()));
+  }
+  y = other.y(rows, Eigen::all);
+  q = other.q(rows, Eigen::all);
+  dq = other.dq(rows, Eigen::all);
+  ddq = other.ddq(rows, Eigen::all);
+  load = other.load(rows, Eigen::all);
+  t = other.t(rows);
+  timing = other.timing(rows, Eigen::all);
+  white_floor = other.white_floor;
+  for (const Eigen::MatrixXd& columns : other.nuisance) nuisance.push_back(columns(rows, Eigen::all));
+}
+
+Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) const {
+  Eigen::Index rows = 0;
+  for (const Stretch& stretch : *stretches_) rows += stretch.count;
+  Eigen::MatrixXd out(rows, signals.front().cols());
+  rows = 0;
+  for (std::size_t s = 0; s < signals.size(); ++s) {
+    const Stretch& stretch = (*stretches_)[s];
+    for (Eigen::Index k = 0; k < stretch.count; ++k)
+      out.row(rows++) = stretch.filter.output(stretch.first + k, signals[s], 0, signals[s].rows());
+  }
+  if (kept_.empty()) return out;
+  return out(kept_, Eigen::all);
+}
+
+RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
+  RowBlock out;
+  std::vector<ColumnBlock> blocks;
+  for (const GapMotion& motion : *motions_) blocks.push_back(h.columns(motion, unit, shape));
+  out.channels = blocks.front().channels;
+  for (std::size_t k = 0; k < out.channels.size(); ++k) {
+    std::vector<Eigen::MatrixXd> signals;
+    for (ColumnBlock& block : blocks) signals.push_back(std::move(block.values[k]));
+    out.values.push_back(filtered(signals));
+  }
+  return out;
+}
+
+void GapRows::make_nuisance() {
+  const Robot& robot = motions_->front().robot();
+  const int n = robot.size();
+  for (int j = 0; j < n; ++j) {
+    const JointFriction& f = robot.joints[static_cast<std::size_t>(j)].friction;
+    std::vector<Eigen::MatrixXd> signals;
+    for (const GapMotion& m : *motions_) {
+      Eigen::MatrixXd columns(m.samples(), 10 * n + 6);
+      for (int l = 0; l < n; ++l)
+        columns.middleCols(10 * l, 10) =
+            m.link_columns(l, j) * robot.joints[static_cast<std::size_t>(l)].parameters.asDiagonal();
+      for (Eigen::Index i = 0; i < m.samples(); ++i) {
+        const Eigen::RowVector3d linear = friction_regressor(f.linear, m.dq(i, j));
+        const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.dq(i, j));
+        columns.row(i).tail<6>() << linear[0] * f.linear.viscous, linear[1] * f.linear.coulomb,
+            linear[2] * f.linear.offset, sigmoid[0] * f.sigmoid.phi1, sigmoid[1] * f.sigmoid.phi2,
+            sigmoid[2] * f.sigmoid.phi3;
+      }
+      signals.push_back(columns);
+    }
+    const Eigen::MatrixXd all = filtered(signals);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(all.transpose() * all);
+    const Eigen::Index count = std::min(directions, all.cols());
+    nuisance.push_back(all * eigen.eigenvectors().rightCols(count));
+  }
+}
+
+}  // namespace dynid::detail

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "dynid/diagnosis/gap_motion.hpp"
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/signal/filter.hpp"
+#include "dynid/signal/prepare.hpp"
+
+namespace dynid::detail {
+
+/// Columns of an effect in the rows of a GapRows: of each channel, rows x coefficients.
+struct RowBlock {
+  std::vector<int> channels;
+  std::vector<Eigen::MatrixXd> values;
+  Eigen::Index size() const { return values.empty() ? 0 : values.front().cols(); }
+  const Eigen::MatrixXd* find(int channel) const {
+    for (std::size_t k = 0; k < channels.size(); ++k)
+      if (channels[k] == channel) return &values[k];
+    return nullptr;
+  }
+};
+
+/// Logs as rows of the gap: measured minus nominal torque, and every column that may explain it, through one
+/// zero-phase filter and decimated to 2.5 times its cut-off (GAP: one filter for all).
+class GapRows {
+ public:
+  GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs);
+  /// The rows of other's where `keep` is true, in parts without holes.
+  GapRows(const GapRows& other, const std::vector<bool>& keep);
+
+  int joints() const { return static_cast<int>(y.cols()); }
+  Eigen::Index size() const { return y.rows(); }
+  RowBlock block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+  /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
+  Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
+  const std::vector<GapMotion>& motions() const { return *motions_; }
+
+  Eigen::MatrixXd y;                       ///< rows x n [N m]: the gap
+  Eigen::MatrixXd q, dq, ddq, load;        ///< rows x n, filtered alike; load: the rigid body's torque
+  Eigen::VectorXd t;                       ///< [s] since its log's start
+  std::vector<int> log;                    ///< of each row
+  std::vector<Eigen::Index> parts;         ///< first row of each stretch, and, last, the number of rows
+  /// Of each joint: what a nominal model off by 1 in every parameter, relatively, adds, reduced to its main
+  /// directions.
+  std::vector<Eigen::MatrixXd> nuisance;
+  /// Of each joint: what torque stamps add that are late by the usual millisecond: data, not an effect.
+  Eigen::MatrixXd timing;
+  /// Of each joint [N m]: standard deviation in the band of white noise as strong as above the band.
+  Eigen::VectorXd white_floor;
+
+ private:
+  struct Stretch {
+    DecimatingFilter filter;
+    Eigen::Index first, count;
+  };
+  std::shared_ptr<const std::vector<GapMotion>> motions_;
+  std::shared_ptr<const std::vector<Stretch>> stretches_;
+  std::vector<Eigen::Index> kept_;  // empty: all
+  void make_nuisance();
+  void find_white_floor();
+};
+
+}  // namespace dynid::detail
