@@ -13,7 +13,7 @@ class AsymmetricCoulombFriction : public OwnTorque {
       : OwnTorque("asymmetric_coulomb_friction",
                   {{"coefficient_positive", "N m"}, {"coefficient_negative", "N m"}}) {}
   double prior() const override { return 0.3; }
-  std::vector<ShapeParameter> shape() const override { return {velocity_scale()}; }
+  std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     // One that helps the motion in one direction as much as it hinders it in the other is an offset.
     return c[0] * c[1] > 0.0 || std::abs(c.sum()) > 0.5 * c.cwiseAbs().maxCoeff();

@@ -8,7 +8,7 @@ namespace {
 class CoulombFriction : public OwnTorque {
  public:
   CoulombFriction() : OwnTorque("coulomb_friction", {{"coefficient", "N m"}}) {}
-  std::vector<ShapeParameter> shape() const override { return {velocity_scale()}; }
+  std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
   bool enter(Robot& robot, const Effect& effect) const override {
     // A joint has one smoothed sign: where it already has a Coulomb term of another width, the effect stays
     // one of its own.

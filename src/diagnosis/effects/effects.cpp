@@ -93,7 +93,7 @@ void OwnTorque::restore(const Robot& robot, const Effect& effect, int unit, Eige
     shape[k] = joint_value(robot, effect, shapes[static_cast<std::size_t>(k)].key, unit);
 }
 
-ShapeParameter velocity_scale() { return {"velocity_scale", "rad/s", 0.002, 0.2, 3, true}; }
+ShapeParameter sign_width() { return {"velocity_scale", "rad/s", 0.002, 0.2, 3, true}; }
 
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double scale) {
   return (motion.dq.col(joint).array() / scale).tanh();

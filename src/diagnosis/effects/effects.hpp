@@ -49,7 +49,7 @@ class OwnTorque : public Hypothesis {
 
 /// The width of the smoothed sign, which no parameter of the field describes: a shape parameter of every
 /// Coulomb-like effect.
-ShapeParameter velocity_scale();
+ShapeParameter sign_width();
 /// tanh(dq / v_s) of a joint: N.
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double velocity_scale);
 

@@ -12,7 +12,7 @@ class GearCoupling : public Hypothesis {
   Scope scope() const override { return Scope::pair; }
   double prior() const override { return 0.3; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"ratio", "1", -1.0, 1.0, 2, false}, velocity_scale()};
+    return {{"ratio", "1", -1.0, 1.0, 2, false}, sign_width()};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     const Eigen::VectorXd speed = motion.dq.col(unit) + shape[0] * motion.dq.col(unit + 1);

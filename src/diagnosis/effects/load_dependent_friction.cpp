@@ -9,7 +9,7 @@ class LoadDependentFriction : public OwnTorque {
  public:
   LoadDependentFriction() : OwnTorque("load_dependent_friction", {{"coefficient", "1"}}) {}
   double prior() const override { return 0.7; }
-  std::vector<ShapeParameter> shape() const override { return {velocity_scale()}; }
+  std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

@@ -9,7 +9,7 @@ class StribeckFriction : public OwnTorque {
  public:
   StribeckFriction() : OwnTorque("stribeck_friction", {{"static", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override {
-    return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true}, velocity_scale()};
+    return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true}, sign_width()};
   }
 
  protected:
