@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <string>
+
+#include "dynid/error.hpp"
+
+namespace dynid {
+
+enum class ObserverOrder {
+  first,   ///< r' = K (tau_ext - r)
+  second,  ///< r'' = w^2 (tau_ext - r) - 2 zeta w r', w = 2 zeta K: the same mean delay 1/K, steeper beyond
+};
+
+/// Generalised-momentum observer (De Luca, Albu-Schaeffer, Haddadin, Hirzinger 2006):
+///   r = K (p - p(0) - integral of (tau + S^T dq - g - tau_f + r)),   p = M dq.
+///
+/// r is tau_ext low-passed: the torque that the environment exerts on the joints, positive where it pushes
+/// the joint in its positive direction. From one sample to the next tau_ext is taken as constant, and the
+/// filter's answer to that is exact whatever dt: time constant 1/K, no stability limit on K dt.
+///
+/// The constructor throws and, for N = Eigen::Dynamic, allocates; nothing else does.
+template <int N = Eigen::Dynamic>
+class MomentumObserver {
+ public:
+  using Vector = Eigen::Matrix<double, N, 1>;
+
+  /// gain: K [1/s], one for each joint. damping: zeta of the second-order form, in (0, 1]; 1 has no
+  /// overshoot. Throws Error on a value out of range.
+  explicit MomentumObserver(const Vector& gain, ObserverOrder order = ObserverOrder::first,
+                            double damping = 1.0)
+      : gain_(gain), p_(gain), u_(gain), r_(gain), slope_(gain), order_(order), damping_(damping) {
+    for (Eigen::Index i = 0; i < gain.size(); ++i)
+      if (!(gain[i] > 0.0) || !std::isfinite(gain[i]))
+        throw Error("observer gain of joint " + std::to_string(i + 1) + ": must be positive [1/s]");
+    if (!(damping > 0.0 && damping <= 1.0)) throw Error("observer damping: must be in (0, 1]");
+    p_.setZero(), u_.setZero();
+    r_.setZero(), slope_.setZero();
+  }
+
+  /// Starts at r = 0 with the momentum p and the known torque u = tau + S^T dq - g - tau_f (n each).
+  void start(const Vector& p, const Vector& u) noexcept {
+    r_.setZero(), slope_.setZero();
+    rebase(p, u);
+  }
+  /// Another model's p and u for the sample before: r goes on without a jump.
+  void rebase(const Vector& p, const Vector& u) noexcept { p_ = p, u_ = u; }
+
+  /// The next sample, dt > 0 [s] later. Returns r [N m].
+  const Vector& update(double dt, const Vector& p, const Vector& u) noexcept {
+    const double rate = 1.0 / dt;
+    if (order_ == ObserverOrder::first) {
+      for (Eigen::Index i = 0; i < gain_.size(); ++i) {
+        const double external = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
+        r_[i] += (external - r_[i]) * -std::expm1(-gain_[i] * dt);
+      }
+    } else {
+      // With x = r - tau_ext: x'' + 2 zeta w x' + w^2 x = 0, solved in closed form.
+      for (Eigen::Index i = 0; i < gain_.size(); ++i) {
+        const double external = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
+        const double decay = 2.0 * damping_ * damping_ * gain_[i], natural = 2.0 * damping_ * gain_[i];
+        const double angle = natural * std::sqrt(1.0 - damping_ * damping_) * dt;
+        const double e = std::exp(-decay * dt), cosine = e * std::cos(angle);
+        const double sine = e * dt * (angle > 1e-4 ? std::sin(angle) / angle : 1.0 - angle * angle / 6.0);
+        const double x = r_[i] - external, v = slope_[i];
+        r_[i] = external + cosine * x + sine * (v + decay * x);
+        slope_[i] = cosine * v - sine * (natural * natural * x + decay * v);
+      }
+    }
+    p_ = p, u_ = u;
+    return r_;
+  }
+
+  const Vector& residual() const noexcept { return r_; }  ///< r [N m], n
+  const Vector& gain() const noexcept { return gain_; }   ///< K [1/s], n
+
+ private:
+  Vector gain_, p_, u_, r_, slope_;
+  ObserverOrder order_;
+  double damping_;
+};
+
+}  // namespace dynid

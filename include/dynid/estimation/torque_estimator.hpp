@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <string>
+
+#include "dynid/estimation/contact_detector.hpp"
+#include "dynid/estimation/external_wrench.hpp"
+#include "dynid/estimation/momentum_observer.hpp"
+#include "dynid/estimation/status.hpp"
+#include "dynid/estimation/torque_model.hpp"
+#include "dynid/estimation/triple_buffer.hpp"
+
+namespace dynid {
+
+/// Set-up of a TorqueEstimator. Vectors over joints: n values, one value for all joints, or empty for the
+/// default.
+struct TorqueEstimatorOptions {
+  Eigen::VectorXd gain;  ///< K [1/s] of the observer; default 50
+  ObserverOrder order = ObserverOrder::first;
+  double damping = 1.0;  ///< zeta of the second-order form
+  /// [N m] of the residual; default 0.3 sqrt(torque limit / 1 N m): 2.8 for 87 N m, 1.04 for 12 N m; 2 where
+  /// the limit is unknown.
+  Eigen::VectorXd contact_threshold;
+  double contact_release = 0.6;  ///< part of the threshold below which a contact ends
+  Eigen::Isometry3d wrench_frame = Eigen::Isometry3d::Identity();  ///< pose in the *tip* frame
+  ExternalWrenchOptions wrench;
+  double acceleration_cutoff = 30.0;  ///< [Hz] of the first-order filter behind the difference of dq
+  /// [s] by which the measured dq comes late; it is advanced by that much along the estimated acceleration.
+  double velocity_lag = 0.0;
+  double longest_dt = 0.1;  ///< [s] a longer step is a gap
+  double bridge = 0.003;    ///< [s] for which a sample that repeats the one before is waited out
+};
+
+/// What a cycle gives. Torques [N m]: n, base to tip.
+template <int N = Eigen::Dynamic>
+struct Estimate {
+  using Vector = Eigen::Matrix<double, N, 1>;
+
+  Status status = Status::ok;
+  Vector ddq;           ///< [rad/s^2] acceleration that tau_model is for: the desired or the estimated one
+  Vector tau_model;     ///< M ddq + S dq + g + Ia ddq + friction + compensated effects
+  Vector tau_friction;  ///< friction and compensated effects, alone
+  Vector tau_external;  ///< tau_model - tau: sign as the residual, no delay but that of ddq, noisy
+  Vector residual;      ///< r of the momentum observer
+  Eigen::Array<bool, N, 1> contact;                                          ///< |r| over its threshold
+  Eigen::Matrix<double, 6, 1> wrench = Eigen::Matrix<double, 6, 1>::Zero();  ///< [N, N m] from the residual
+  double singular_margin = 0.0;                                              ///< [m] see ExternalWrench
+};
+
+/// Everything that runs beside a robot at 1 kHz: model torque, friction, external torque in two ways,
+/// external wrench and contact.
+///
+/// Sign. `tau` is the joint torque that the motors bring up (what the torque sensors of a Panda show): tau =
+/// M ddq + S dq + g + friction - tau_ext. External torques are De Luca's r: *positive when the environment
+/// pushes the robot* in the joint's positive direction. Franka's `tau_ext_hat_filtered` is its negative.
+///
+/// step() is for one thread, noexcept, free of allocations, locks and logging; adopt() may be called from
+/// one other thread at any time and never delays step(). The constructor and adopt() throw and allocate.
+template <int N = Eigen::Dynamic>
+class TorqueEstimator {
+ public:
+  using Vector = Eigen::Matrix<double, N, 1>;
+
+  /// Throws Error where TorqueModel does, and on an option out of range or of a wrong size.
+  explicit TorqueEstimator(const Robot& robot, const TorqueEstimatorOptions& options = {})
+      : TorqueEstimator(TorqueModel<N>(robot), options) {}
+  explicit TorqueEstimator(const TorqueModel<N>& model, const TorqueEstimatorOptions& options = {})
+      : models_(model),
+        ws_(model.rigid_body()),
+        observer_(over_joints(options.gain, Vector::Constant(model.size(), 50.0), "gain"), options.order,
+                  options.damping),
+        contact_(threshold(model, options), options.contact_release * threshold(model, options)),
+        wrench_(model.rigid_body(), model.rigid_body().tip() * options.wrench_frame, options.wrench),
+        options_(options) {
+    const auto positive = [](double x, const char* what) {
+      if (!(x > 0.0) || !std::isfinite(x)) throw Error(std::string(what) + ": must be positive");
+    };
+    positive(options.acceleration_cutoff, "acceleration_cutoff");
+    positive(options.longest_dt, "longest_dt");
+    if (!(options.velocity_lag >= 0.0 && options.velocity_lag < 0.1))
+      throw Error("velocity_lag: must be in [0, 0.1) s");
+    if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
+      throw Error("bridge: must be in [0, longest_dt) s");
+    for (Vector* v : {&q_, &dq_, &tau_, &speed_, &ddq_, &ddq_used_, &p_, &u_, &out_.ddq, &out_.tau_model,
+                      &out_.tau_friction, &out_.tau_external, &out_.residual})
+      *v = Vector::Zero(model.size());
+    out_.contact = contact_.flags();
+  }
+
+  int size() const noexcept { return n_; }  ///< n
+
+  /// From another thread (one at a time): the loop uses `model` from its next cycle on. The residual goes on
+  /// without a jump. Throws Error when it has another number of joints.
+  void adopt(const TorqueModel<N>& model) {
+    if (model.size() != n_) throw Error("the model has another number of joints than the estimator");
+    models_.publish(model);
+  }
+
+  /// One cycle, with the acceleration estimated from dq by a causal filter.
+  ///
+  /// dt [s]: time since the sample before, by the stamps of the samples; whatever it is for the first one.
+  /// q [rad], dq [rad/s], tau [N m]: n, measured, any Eigen column expressions of double. Returns what is
+  /// known now: valid until the next call; on bad_input and on a repeated sample, what was known before.
+  template <class Q, class V, class T>
+  const Estimate<N>& step(double dt, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& dq,
+                          const Eigen::MatrixBase<T>& tau) noexcept {
+    return cycle(dt, q, dq, tau, static_cast<const Vector*>(nullptr));
+  }
+  /// The same with the desired acceleration ddq [rad/s^2] (n) for the model torque and tau_external.
+  template <class Q, class V, class T, class A>
+  const Estimate<N>& step(double dt, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& dq,
+                          const Eigen::MatrixBase<T>& tau, const Eigen::MatrixBase<A>& ddq) noexcept {
+    return cycle(dt, q, dq, tau, &ddq);
+  }
+
+  /// Forgets the past: the next sample is the first one. For the thread of step().
+  void reset() noexcept {
+    started_ = false;
+    elapsed_ = 0.0;
+    contact_.reset();
+  }
+
+  const Estimate<N>& estimate() const noexcept { return out_; }             ///< of the last cycle
+  const TorqueModel<N>& model() const noexcept { return models_.front(); }  ///< in use; thread of step()
+
+ private:
+  // An input beyond these means nothing: its magnitude, and how many times its limit.
+  static constexpr double sense = 1e6, beyond = 10.0;
+
+  Vector over_joints(const Eigen::VectorXd& given, const Vector& usual, const char* what) const {
+    if (given.size() == 0) return usual;
+    if (given.size() == 1) return Vector::Constant(usual.size(), given[0]);
+    if (given.size() != usual.size()) throw Error(std::string(what) + ": one value, or one for each joint");
+    return given;
+  }
+  Vector threshold(const TorqueModel<N>& model, const TorqueEstimatorOptions& options) const {
+    Vector usual = Vector::Constant(model.size(), 2.0);
+    for (int i = 0; i < model.size(); ++i)
+      if (std::isfinite(model.torque_limit()[i])) usual[i] = 0.3 * std::sqrt(model.torque_limit()[i]);
+    return over_joints(options.contact_threshold, usual, "contact_threshold");
+  }
+
+  // Copies a measured vector; false where a value means nothing.
+  template <class X>
+  bool take(const Eigen::MatrixBase<X>& x, Vector& to) const noexcept {
+    if (x.size() != to.size()) return false;
+    bool good = true;
+    for (Eigen::Index i = 0; i < to.size(); ++i) {
+      to[i] = x.coeff(i);
+      good = good && std::abs(to[i]) < sense;  // false for a NaN
+    }
+    return good;
+  }
+
+  template <class Q, class V, class T, class A>
+  const Estimate<N>& cycle(double dt, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& dq,
+                           const Eigen::MatrixBase<T>& tau, const A* ddq) noexcept {
+    Status status = Status::ok;
+    const bool changed = models_.update();
+    if (changed) status |= Status::model_changed;
+    const TorqueModel<N>& model = models_.front();
+    if (changed && started_) rebase(model);
+    // Whatever else is wrong, time passes.
+    if (started_) {
+      if (!std::isfinite(dt)) {
+        reset();  // how much time has passed is not known, and never will be
+        return hold(status | Status::bad_input);
+      }
+      elapsed_ += dt;
+      if (dt < 0.0) {
+        status |= Status::time_went_back;
+        reset();
+      } else if (elapsed_ > options_.longest_dt) {
+        status |= Status::gap;
+        reset();
+      }
+    }
+    // What is measured takes the place of the sample before only if all of it is good.
+    bool good = take(q, next_q_) && take(dq, next_dq_) && take(tau, next_tau_);
+    if (ddq != nullptr) good = good && take(*ddq, ddq_used_);
+    for (Eigen::Index i = 0; i < next_q_.size(); ++i)
+      good = good && std::abs(next_dq_[i]) <= beyond * model.velocity_limit()[i] &&
+             std::abs(next_tau_[i]) <= beyond * model.torque_limit()[i];
+    if (!good) return hold(status | Status::bad_input);
+    if (started_) {
+      const bool same = next_q_ == q_ && next_dq_ == dq_ && next_tau_ == tau_;
+      if (same) status |= Status::stale;
+      if (elapsed_ <= 0.0 || (same && elapsed_ <= options_.bridge)) return hold(status | Status::stale);
+    }
+    estimate_acceleration();
+    q_ = next_q_, dq_ = next_dq_, tau_ = next_tau_;
+    for (Eigen::Index i = 0; i < q_.size(); ++i) speed_[i] = dq_[i] + options_.velocity_lag * ddq_[i];
+    if (ddq == nullptr) ddq_used_ = ddq_;
+
+    model.friction(q_, speed_, out_.tau_friction);
+    model.torque(ws_, q_, speed_, ddq_used_, out_.tau_friction, out_.tau_model);
+    model.momentum(ws_, q_, speed_, tau_, out_.tau_friction, p_, u_);
+    if (started_) {
+      observer_.update(elapsed_, p_, u_);
+    } else {
+      observer_.start(p_, u_);
+      status |= Status::restarted;
+    }
+    started_ = true;
+    elapsed_ = 0.0;
+    out_.ddq = ddq_used_;
+    out_.residual = observer_.residual();
+    for (Eigen::Index i = 0; i < q_.size(); ++i) out_.tau_external[i] = out_.tau_model[i] - tau_[i];
+    out_.wrench = wrench_.update(model.rigid_body(), ws_, q_, out_.residual);
+    out_.singular_margin = wrench_.margin();
+    if (wrench_.near_singular()) status |= Status::near_singular;
+    out_.contact = contact_.update(out_.residual);
+    for (Eigen::Index i = 0; i < q_.size(); ++i) {
+      if (q_[i] < model.lower()[i] || q_[i] > model.upper()[i] ||
+          std::abs(dq_[i]) > model.velocity_limit()[i] || std::abs(tau_[i]) > model.torque_limit()[i])
+        status |= Status::limits_exceeded;
+    }
+    out_.status = status;
+    return out_;
+  }
+
+  const Estimate<N>& hold(Status status) noexcept {
+    out_.status = status;
+    return out_;
+  }
+
+  // p and u of the sample before by the model that is now in use.
+  void rebase(const TorqueModel<N>& model) noexcept {
+    model.friction(q_, speed_, out_.tau_friction);
+    model.momentum(ws_, q_, speed_, tau_, out_.tau_friction, p_, u_);
+    observer_.rebase(p_, u_);
+  }
+
+  void estimate_acceleration() noexcept {
+    if (!started_) {
+      ddq_.setZero();
+      return;
+    }
+    // Exact answer of the filter to a dq that goes straight from one sample to the next.
+    const double share = -std::expm1(-2.0 * M_PI * options_.acceleration_cutoff * elapsed_);
+    const double rate = 1.0 / elapsed_;
+    for (Eigen::Index i = 0; i < ddq_.size(); ++i)
+      ddq_[i] += share * ((next_dq_[i] - dq_[i]) * rate - ddq_[i]);
+  }
+
+  TripleBuffer<TorqueModel<N>> models_;
+  Workspace<N> ws_;
+  MomentumObserver<N> observer_;
+  ContactDetector<N> contact_;
+  ExternalWrench<N> wrench_;
+  TorqueEstimatorOptions options_;
+  int n_ = models_.front().size();
+  bool started_ = false;
+  double elapsed_ = 0.0;  // [s] since the sample before
+  Vector q_, dq_, tau_;   // the sample before, as measured
+  Vector next_q_ = Vector::Zero(n_), next_dq_ = next_q_, next_tau_ = next_q_;
+  Vector speed_, ddq_;  // advanced velocity, estimated acceleration
+  Vector ddq_used_, p_, u_;
+  Estimate<N> out_;
+};
+
+}  // namespace dynid
