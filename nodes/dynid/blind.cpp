@@ -29,9 +29,9 @@ nlohmann::json case_json(const BlindCase& c) {
                      {"parameters", e.effect.parameters},
                      {"probability", e.probability},
                      {"aliases", e.aliases}});
-  return {{"truth", truth},         {"withheld", c.withheld},   {"verdict", to_string(c.verdict)},
-          {"found", found},         {"p_value", c.p_value},     {"explained", c.explained},
-          {"shrink", c.shrink},     {"seconds", c.seconds},     {"failure", c.failure}};
+  return {{"truth", truth},     {"withheld", c.withheld}, {"verdict", to_string(c.verdict)},
+          {"found", found},     {"p_value", c.p_value},   {"explained", c.explained},
+          {"shrink", c.shrink}, {"seconds", c.seconds},   {"failure", c.failure}};
 }
 
 void run(const Arguments& a) {
@@ -80,14 +80,13 @@ void run(const Arguments& a) {
   for (const BlindCase& c : cases) result["list"].push_back(case_json(c));
   a.output.write(result);
   if (!a.output.summary()) return;
-  std::cout << s.cases << " cases, seed " << options.seed << "\n  no gap: " << s.false_alarms << " of " << s.no_gap
-            << " given an effect\n  first effect right: " << s.first_right << " of " << s.known << " ("
-            << s.class_right << " with its declared aliases)\n  both of a pair: " << s.both_found << " of " << s.pairs
-            << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
-            << "\n  wrong at a probability of 0.9 or more: " << s.confident_wrong
-            << "\n  calibration error " << s.calibration_error << ", intervals cover " << s.covered << " of "
-            << s.intervals << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink
-            << "\n";
+  std::cout << s.cases << " cases, seed " << options.seed << "\n  no gap: " << s.false_alarms << " of "
+            << s.no_gap << " given an effect\n  first effect right: " << s.first_right << " of " << s.known
+            << " (" << s.class_right << " with its declared aliases)\n  both of a pair: " << s.both_found
+            << " of " << s.pairs << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
+            << "\n  wrong at a probability of 0.9 or more: " << s.confident_wrong << "\n  calibration error "
+            << s.calibration_error << ", intervals cover " << s.covered << " of " << s.intervals
+            << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink << "\n";
   for (const auto& [truth, named] : s.confusion) {
     std::cout << "  " << std::setw(34) << std::left << truth << std::right;
     for (const auto& [name, count] : named) std::cout << " " << name << " " << count << ";";
@@ -99,7 +98,8 @@ void run(const Arguments& a) {
 
 void add_blind(CLI::App& app, int& status) {
   auto a = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand("blind", "Diagnose a bank of simulated robots whose effects are withheld");
+  CLI::App* command =
+      app.add_subcommand("blind", "Diagnose a bank of simulated robots whose effects are withheld");
   a->model.path = "config/panda.yaml";
   a->model.add_to(*command, "--model", false);
   command->add_option("--cases", a->options.cases, "Cases")->required()->check(CLI::PositiveNumber);
@@ -107,9 +107,8 @@ void add_blind(CLI::App& app, int& status) {
   command
       ->add_option("--kind", a->options.kind,
                    "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, BlindKind>{{"clean", BlindKind::clean},
-                                                                           {"nominal", BlindKind::nominal},
-                                                                           {"weak", BlindKind::weak}}))
+      ->transform(CLI::CheckedTransformer(std::map<std::string, BlindKind>{
+          {"clean", BlindKind::clean}, {"nominal", BlindKind::nominal}, {"weak", BlindKind::weak}}))
       ->type_name("KIND");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");

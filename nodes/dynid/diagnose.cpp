@@ -35,9 +35,8 @@ nlohmann::json effect_json(const FoundEffect& found) {
                          {"low", values_json(p.low)},
                          {"high", values_json(p.high)},
                          {"unit", p.unit}};
-  return {{"name", found.effect.name},     {"joints", found.effect.joints},
-          {"share", found.share},          {"probability", found.probability},
-          {"aliases", found.aliases},      {"parameters", parameters}};
+  return {{"name", found.effect.name},        {"joints", found.effect.joints}, {"share", found.share},
+          {"probability", found.probability}, {"aliases", found.aliases},      {"parameters", parameters}};
 }
 
 nlohmann::json diagnosis_json(const Diagnosis& d) {
@@ -50,47 +49,50 @@ nlohmann::json diagnosis_json(const Diagnosis& d) {
   for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
   for (const auto& [name, probability] : d.ranking)
     ranking.push_back({{"name", name}, {"probability", probability}});
-  return {{"format", "dynid-diagnosis-1"},
-          {"data", to_json(d.logs)},
-          {"gap", {{"rms", to_json(d.rms)}, {"floor", to_json(d.floor)}, {"where", where}, {"windows", windows}}},
-          {"p_value", d.p_value},
-          {"verdict", to_string(d.verdict)},
-          {"effects", effects},
-          {"ranking", ranking},
-          {"shrink",
-           {{"before", to_json(d.shrink.before)},
-            {"after", to_json(d.shrink.after)},
-            {"floor", to_json(d.shrink.floor)},
-            {"fraction", d.shrink.fraction},
-            {"low", d.shrink.low},
-            {"high", d.shrink.high},
-            {"held_out", d.shrink.held_out},
-            {"rollout",
-             {{"horizon_s", nlohmann::json::array()},
-              {"before", nlohmann::json::array()},
-              {"after", nlohmann::json::array()}}}}},
-          {"next_experiment", {{"text", ""}, {"separates", nlohmann::json::array()}, {"trajectory", nullptr}}},
-          {"nominal_error", d.nominal_error},
-          {"explained", d.explained},
-          {"cutoff_hz", d.cutoff},
-          {"seconds", d.seconds}};
+  return {
+      {"format", "dynid-diagnosis-1"},
+      {"data", to_json(d.logs)},
+      {"gap", {{"rms", to_json(d.rms)}, {"floor", to_json(d.floor)}, {"where", where}, {"windows", windows}}},
+      {"p_value", d.p_value},
+      {"verdict", to_string(d.verdict)},
+      {"effects", effects},
+      {"ranking", ranking},
+      {"shrink",
+       {{"before", to_json(d.shrink.before)},
+        {"after", to_json(d.shrink.after)},
+        {"floor", to_json(d.shrink.floor)},
+        {"fraction", d.shrink.fraction},
+        {"low", d.shrink.low},
+        {"high", d.shrink.high},
+        {"held_out", d.shrink.held_out},
+        {"rollout",
+         {{"horizon_s", nlohmann::json::array()},
+          {"before", nlohmann::json::array()},
+          {"after", nlohmann::json::array()}}}}},
+      {"next_experiment", {{"text", ""}, {"separates", nlohmann::json::array()}, {"trajectory", nullptr}}},
+      {"nominal_error", d.nominal_error},
+      {"explained", d.explained},
+      {"cutoff_hz", d.cutoff},
+      {"seconds", d.seconds}};
 }
 
 void print(const Diagnosis& d) {
-  std::cout << "Verdict: " << to_string(d.verdict) << " (p = " << d.p_value << ")\n  gap [N m rms]:   "
-            << in_a_row(d.rms) << "\n  floor [N m rms]: " << in_a_row(d.floor) << "\n";
+  std::cout << "Verdict: " << to_string(d.verdict) << " (p = " << d.p_value
+            << ")\n  gap [N m rms]:   " << in_a_row(d.rms) << "\n  floor [N m rms]: " << in_a_row(d.floor)
+            << "\n";
   for (const FoundEffect& e : d.effects) {
     std::cout << "  " << e.effect.name << " on joint" << (e.effect.joints.size() > 1 ? "s" : "");
     for (const int j : e.effect.joints) std::cout << " " << j;
     std::cout << ": probability " << e.probability << ", share " << e.share;
-    for (std::size_t k = 0; k < e.aliases.size(); ++k) std::cout << (k == 0 ? "; not told from " : ", ") << e.aliases[k];
+    for (std::size_t k = 0; k < e.aliases.size(); ++k)
+      std::cout << (k == 0 ? "; not told from " : ", ") << e.aliases[k];
     std::cout << "\n";
     for (const Estimate& p : e.parameters)
       std::cout << "    " << p.key << " " << in_a_row(p.value) << " [" << p.unit << "]\n";
   }
   if (!d.effects.empty())
-    std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low << " to "
-              << 100.0 * d.shrink.high << " %) on data not used\n";
+    std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low
+              << " to " << 100.0 * d.shrink.high << " %) on data not used\n";
 }
 
 void run(const Arguments& a) {
@@ -122,7 +124,8 @@ void run(const Arguments& a) {
   options.progress = [&progress](const std::string& stage, double fraction) { progress(stage, fraction); };
   const Diagnosis d = diagnose(nominal, logs, options);
   if (!a.patch.empty() && !d.effects.empty())
-    write_model(a.patch, {patched(nominal, d.effects), {}, "effects found by diagnosis of " + a.logs.front()});
+    write_model(a.patch,
+                {patched(nominal, d.effects), {}, "effects found by diagnosis of " + a.logs.front()});
   nlohmann::json result = diagnosis_json(d);
   result["view"] = a.reference.empty() ? "A" : "B";
   a.output.write(result);
@@ -144,9 +147,12 @@ void add_diagnose(CLI::App& app, int& status) {
       ->type_name("FILE");
   command->add_option("--withhold", a->withhold,
                       "Take friction or payload out of the model, or an effect out of the library");
-  command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")->type_name("FILE");
+  command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")
+      ->type_name("FILE");
   command->add_option("--cutoff", a->options.cutoff, "Band looked at [Hz]")->check(CLI::PositiveNumber);
-  command->add_option("--tolerance", a->options.tolerance, "Relative error of the model's parameters that is no gap")
+  command
+      ->add_option("--tolerance", a->options.tolerance,
+                   "Relative error of the model's parameters that is no gap")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--seed", a->options.seed, "Of surrogates and intervals")->capture_default_str();

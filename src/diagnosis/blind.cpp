@@ -25,8 +25,8 @@ constexpr const char* unknown_kinds[] = {"unknown_periodic", "unknown_product", 
 
 /// What the robot is given in one case.
 struct Draw {
-  std::vector<Effect> effects;           // known to the plant
-  std::string unknown;                   // or made by torque_of_unknown()
+  std::vector<Effect> effects;  // known to the plant
+  std::string unknown;          // or made by torque_of_unknown()
   std::vector<std::string> withheld;
   std::vector<int> unknown_joints;
   double unknown_size = 0.0, unknown_rate = 0.0;
@@ -47,7 +47,8 @@ Draw draw_case(const Robot& robot, const BlindOptions& options, int index) {
   if (which < 0.19) {
     draw.unknown = unknown_kinds[random() % 3];
     const int n = robot.size(), count = 1 + static_cast<int>(random() % 2);
-    for (int k = 0; k < count; ++k) draw.unknown_joints.push_back(static_cast<int>(random() % static_cast<unsigned long>(n)));
+    for (int k = 0; k < count; ++k)
+      draw.unknown_joints.push_back(static_cast<int>(random() % static_cast<unsigned long>(n)));
     draw.unknown_size = strength * (0.8 + 1.2 * uniform(random));
     draw.unknown_rate = 3.0 + 5.0 * uniform(random);
     return draw;
@@ -77,7 +78,8 @@ Eigen::MatrixXd torque_of_unknown(const Draw& draw, const Log& log, unsigned lon
       tau.col(j) = draw.unknown_size * (draw.unknown_rate * log.t.array()).sin();
     } else if (draw.unknown == "unknown_product") {  // two joints' positions and speeds together
       const int other = (j + 3) % log.joints();
-      tau.col(j) = 2.0 * draw.unknown_size * (2.0 * log.q.col(other).array()).sin() * log.dq.col((j + 2) % log.joints()).array();
+      tau.col(j) = 2.0 * draw.unknown_size * (2.0 * log.q.col(other).array()).sin() *
+                   log.dq.col((j + 2) % log.joints()).array();
     } else {
       double x = 0.0, smooth = 0.0;
       for (Eigen::Index i = 1; i < log.samples(); ++i) {
@@ -109,7 +111,8 @@ SimulateOptions plant_options(const BlindOptions& options, unsigned long seed) {
 
 nlohmann::json label_json(const Draw& draw) {
   nlohmann::json label = nlohmann::json::array();
-  for (const Effect& e : draw.effects) label.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
+  for (const Effect& e : draw.effects)
+    label.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
   if (!draw.unknown.empty()) {
     std::vector<int> joints = draw.unknown_joints;
     for (int& j : joints) ++j;
@@ -151,12 +154,11 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
           const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
           const SimulateOptions plant = plant_options(options, seed);
           SimulateOptions same_robot = plant;
-          SimulatedRun run = simulate(
-              perturbed(nominal, plant.spread, draw.seed), draw.effects,
-              random_motion(nominal, options.duration, seed), [&] {
-                same_robot.spread = 0.0;
-                return same_robot;
-              }());
+          SimulatedRun run = simulate(perturbed(nominal, plant.spread, draw.seed), draw.effects,
+                                      random_motion(nominal, options.duration, seed), [&] {
+                                        same_robot.spread = 0.0;
+                                        return same_robot;
+                                      }());
           if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(draw, run.log, seed);
           write_log((folder / (l == 0 ? "log_a.csv" : "log_b.csv")).string(), run.log);
         }
@@ -217,7 +219,8 @@ BlindScore score(const std::vector<BlindCase>& cases) {
     const bool beyond = c.truth[0].name.rfind("unknown", 0) == 0 || !c.withheld.empty();
     if (beyond) {
       ++s.unknown;
-      ++s.confusion["(" + (c.withheld.empty() ? c.truth[0].name : "withheld " + c.truth[0].name) + ")"][named];
+      ++s.confusion["(" + (c.withheld.empty() ? c.truth[0].name : "withheld " + c.truth[0].name) + ")"]
+                   [named];
       if (c.verdict == Verdict::unexplained) ++s.abstained;
       if (first != nullptr && first->probability >= 0.9) ++s.confident_wrong;
       continue;
@@ -258,15 +261,19 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       if (e.joints == first->effect.joints) ++s.joints_right;
       for (const Estimate& p : first->parameters) {
         const auto found = e.parameters.find(p.key);
-        if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size())) continue;
+        if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
+          continue;
         if (p.key == "velocity_scale" || p.key == "inertia" || p.key == "link") continue;
         for (Eigen::Index i = 0; i < p.value.size(); ++i) {
           const double true_value = found->second[static_cast<std::size_t>(i)];
           const int joint = static_cast<int>(i) + 1;
-          const bool listed = p.value.size() != static_cast<Eigen::Index>(found->second.size()) || p.value.size() < 4 ||
+          const bool listed = p.value.size() != static_cast<Eigen::Index>(found->second.size()) ||
+                              p.value.size() < 4 ||
                               std::find(e.joints.begin(), e.joints.end(), joint) != e.joints.end();
           if (!listed || true_value == 0.0) continue;
-          if (p.value.size() >= 4 && std::find(first->effect.joints.begin(), first->effect.joints.end(), joint) == first->effect.joints.end()) continue;
+          if (p.value.size() >= 4 && std::find(first->effect.joints.begin(), first->effect.joints.end(),
+                                               joint) == first->effect.joints.end())
+            continue;
           ++s.intervals;
           if (p.low[i] <= true_value && true_value <= p.high[i]) ++s.covered;
           errors.push_back(std::abs(p.value[i] - true_value) / std::abs(true_value));

@@ -25,11 +25,11 @@ using detail::UnitShape;
 
 namespace {
 
-constexpr double temperature = 4.0;        // of the scores, see docs/diagnosis.md
-constexpr double interval_factor = 1.2;    // of the standard deviations
-constexpr double doubt = 0.01;             // that none of what was compared is right, at least
-constexpr double detection = 0.05;         // p-value of a gap
-constexpr double block_seconds = 1.0;      // of held-out blocks and of the bootstrap
+constexpr double temperature = 4.0;      // of the scores, see docs/diagnosis.md
+constexpr double interval_factor = 1.2;  // of the standard deviations
+constexpr double doubt = 0.01;           // that none of what was compared is right, at least
+constexpr double detection = 0.05;       // p-value of a gap
+constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
   return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
@@ -82,7 +82,8 @@ std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen
   const auto mine = [&](Eigen::Index i) { return (static_cast<long>(rows.t[i] / seconds) % 2 == 1) == odd; };
   for (Eigen::Index i = 0; i < rows.size(); ++i) {
     bool inside = mine(i);
-    for (Eigen::Index k = std::max<Eigen::Index>(0, i - guard); inside && k <= std::min(rows.size() - 1, i + guard); ++k)
+    for (Eigen::Index k = std::max<Eigen::Index>(0, i - guard);
+         inside && k <= std::min(rows.size() - 1, i + guard); ++k)
       inside = mine(k);
     keep[static_cast<std::size_t>(i)] = inside;
   }
@@ -94,12 +95,15 @@ double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
   return (x * floor.cwiseInverse().asDiagonal()).squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()));
 }
 
-double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor) {
-  const double noise = double(floor.size()), b = energy(before, floor) - noise, a = energy(after, floor) - noise;
+double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
+                       const Eigen::VectorXd& floor) {
+  const double noise = double(floor.size()), b = energy(before, floor) - noise,
+               a = energy(after, floor) - noise;
   return b > 0.0 ? std::min(1.0, 1.0 - a / b) : 0.0;
 }
 
-Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor, unsigned seed) {
+Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor,
+                 unsigned seed) {
   Shrink shrink;
   shrink.before = rms(rows.y);
   shrink.after = rms(after);
@@ -284,7 +288,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   if (options.cutoff == 0.0) {
     // Wide enough for the corners of friction, where the sampling allows it.
     prepare_options.cutoff = 10.0;
-    for (const Log& log : logs) prepare_options.cutoff = std::min(prepare_options.cutoff, std::max(8.0, choose_cutoff(log)));
+    for (const Log& log : logs)
+      prepare_options.cutoff = std::min(prepare_options.cutoff, std::max(8.0, choose_cutoff(log)));
     for (const Log& log : logs) {
       const double rate = double(log.samples() - 1) / std::max(1e-9, log.t[log.samples() - 1] - log.t[0]);
       prepare_options.cutoff = std::min(prepare_options.cutoff, rate / 6.0);
@@ -367,7 +372,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   } else if (out.explained < 0.5 && left_over(model.fit.residual)) {
     out.verdict = Verdict::unexplained;
   } else {
-    out.verdict = left_over(model.fit.residual) && out.explained < 0.9 ? Verdict::partly_explained : Verdict::explained;
+    out.verdict =
+        left_over(model.fit.residual) && out.explained < 0.9 ? Verdict::partly_explained : Verdict::explained;
   }
   std::vector<std::string> names;
   for (const Log& log : logs) names.push_back(log.source);
@@ -378,10 +384,12 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   const bool adopt = out.verdict == Verdict::explained || out.verdict == Verdict::partly_explained;
   std::vector<double> shares;
   for (std::size_t k = 0; k < model.effects.size(); ++k)
-    shares.push_back(energy(contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)), noise));
+    shares.push_back(
+        energy(contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)), noise));
   std::vector<std::size_t> order(model.effects.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
   double total_share = 0.0;
   for (const double s : shares) total_share += s;
   const bool windowed = has_window(model);
@@ -397,7 +405,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     const GapModel base = search.evaluate(others, model.kappa);
     std::map<std::string, double> scores = {{model.effects[k].h->name(), model.score}};
     FoundEffect found;
-    if (adopt) found = found_effect(nominal, whole, final_model, k, final_model.fit, options.seed + static_cast<unsigned>(k));
+    if (adopt)
+      found = found_effect(nominal, whole, final_model, k, final_model.fit,
+                           options.seed + static_cast<unsigned>(k));
     for (const GapModel& m : search.alternatives(base, 8)) {
       const std::string name = m.effects.back().h->name();
       double& best = scores.emplace(name, m.score).first->second;
@@ -409,13 +419,15 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / temperature);
     found.probability = (1.0 - doubt) / sum;
     if (k == order.front())
-      for (const auto& [name, s] : scores) ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / temperature) / sum;
+      for (const auto& [name, s] : scores)
+        ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / temperature) / sum;
     found.share = total_share > 0.0 ? shares[k] / total_share : 0.0;
     if (adopt) out.effects.push_back(std::move(found));
   }
   for (const Hypothesis* h : library) ranking.emplace(h->name(), 0.0);
   out.ranking.assign(ranking.begin(), ranking.end());
-  std::stable_sort(out.ranking.begin(), out.ranking.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::stable_sort(out.ranking.begin(), out.ranking.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
 
   // How far it shrinks where nothing was chosen or fitted. A contact does not come again: its window is
   // fitted in every other block and judged in those between.

@@ -9,6 +9,10 @@ namespace {
 
 constexpr int order = 4;       // of the autoregression
 constexpr int iterations = 3;  // of noise and coefficients
+// An autoregression can take any smooth gap for noise of its own colour. What speaks against it is its size:
+// half the evidence is the likelihood of innovations, half that of the residual itself, with room for
+// coloured noise of this many times the white floor.
+constexpr double own_size = 0.5, room = 3.0;
 
 /// Yule-Walker: biased autocovariances over the parts, hence always stable.
 ChannelNoise estimate(const GapRows& rows, const Eigen::VectorXd& e) {
@@ -40,9 +44,9 @@ Eigen::MatrixXd nuisance(const GapRows& rows, int joint, double kappa) {
 }
 
 struct Normal {
-  Eigen::MatrixXd G;        // p x p
-  Eigen::VectorXd h;        // p
-  Eigen::MatrixXd back;     // nuisance x (p + 1): A^-1 N^T [Phi | y]
+  Eigen::MatrixXd G;     // p x p
+  Eigen::VectorXd h;     // p
+  Eigen::MatrixXd back;  // nuisance x (p + 1): A^-1 N^T [Phi | y]
   double log_det = 0.0;
 };
 
@@ -74,8 +78,8 @@ Eigen::VectorXd solve(Eigen::MatrixXd G, const Eigen::VectorXd& h, Eigen::Matrix
   G.diagonal().array() += 1e-10;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(G);
   if (covariance != nullptr)
-    *covariance = scale.asDiagonal() * ldlt.solve(Eigen::MatrixXd::Identity(G.rows(), G.cols())) *
-                  scale.asDiagonal();
+    *covariance =
+        scale.asDiagonal() * ldlt.solve(Eigen::MatrixXd::Identity(G.rows(), G.cols())) * scale.asDiagonal();
   return scale.asDiagonal() * ldlt.solve(scale.asDiagonal() * h);
 }
 
@@ -90,7 +94,10 @@ void finish(const GapRows& rows, int joint, const Normal& normal, const Eigen::V
   residual -= nuisance(rows, joint, kappa) * delta;
   const double prior = delta.squaredNorm();
   noise = estimate(rows, residual);
-  evidence = -0.5 * (double(rows.size()) * std::log(noise.variance) + prior + normal.log_det);
+  const double size = residual.squaredNorm() / double(rows.size()), floor = room * rows.white_floor[joint];
+  evidence = -0.5 * (double(rows.size()) * ((1.0 - own_size) * std::log(noise.variance) +
+                                            own_size * std::log(size + floor * floor + 1e-18)) +
+                     prior + normal.log_det);
 }
 
 ChannelNoise first_guess(const Eigen::VectorXd& y) {
@@ -120,19 +127,22 @@ Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const Ch
 
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, double kappa) {
-  ChannelFit fit;
-  // The first guess of the noise is what is left of the gap by plain least squares.
+  // The steps need not climb (a residual that wanders makes the next step look at its corners alone): the
+  // best counts.
+  ChannelFit best, fit;
   fit.noise = first_guess(y);
   for (int k = 0; k < iterations; ++k) {
     const Normal normal = normal_equations(rows, joint, y, columns, fit.noise, kappa);
     fit.theta = solve(normal.G, normal.h, nullptr);
     const Eigen::VectorXd left = fit.theta.size() > 0 ? Eigen::VectorXd(y - columns * fit.theta) : y;
     finish(rows, joint, normal, left, fit.theta, kappa, fit.noise, fit.residual, fit.evidence);
+    if (k == 0 || fit.evidence > best.evidence) best = fit;
   }
-  return fit;
+  return best;
 }
 
-Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y_all, const std::vector<Term>& terms, double kappa) {
+Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y_all, const std::vector<Term>& terms,
+              double kappa) {
   const int n = rows.joints();
   Eigen::MatrixXd y = y_all;
   std::vector<const RowBlock*> free;
@@ -167,7 +177,7 @@ Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y_all, const std::vect
       column += values->cols();
     }
   }
-  Fit fit;
+  Fit best, fit;
   fit.left.resize(rows.size(), n);
   fit.residual.resize(rows.size(), n);
   fit.noise.resize(static_cast<std::size_t>(n));
@@ -197,9 +207,10 @@ Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y_all, const std::vect
       fit.left.col(j) = left;
       fit.residual.col(j) = residual;
     }
+    fit.total = fit.evidence.sum();
+    if (iteration == 0 || fit.total > best.total) best = fit;
   }
-  fit.total = fit.evidence.sum();
-  return fit;
+  return best;
 }
 
 }  // namespace dynid::detail

@@ -10,8 +10,8 @@ namespace dynid::detail {
 
 /// Noise of one joint's torque in the band: an autoregression and the variance of its innovations.
 struct ChannelNoise {
-  Eigen::VectorXd ar;      ///< e_t = sum_k ar_k e_{t-k-1} + innovation
-  double variance = 0.0;   ///< [(N m)^2]
+  Eigen::VectorXd ar;     ///< e_t = sum_k ar_k e_{t-k-1} + innovation
+  double variance = 0.0;  ///< [(N m)^2]
 };
 
 /// Columns that take part in a fit.
@@ -23,13 +23,13 @@ struct Term {
 /// A fit by generalised least squares with autoregressive errors found along with it, the nominal model's
 /// relative errors (standard deviation kappa) being integrated out.
 struct Fit {
-  Eigen::VectorXd theta;                ///< coefficients of the terms that are not fixed, one after the other
-  Eigen::MatrixXd covariance;           ///< of theta
-  Eigen::MatrixXd left;                 ///< rows x n: the gap without the terms
-  Eigen::MatrixXd residual;             ///< rows x n: and without what the nominal model's errors explain
-  std::vector<ChannelNoise> noise;      ///< of each joint
-  Eigen::VectorXd evidence;             ///< of each joint: log marginal likelihood, coefficients at their best
-  double total = 0.0;                   ///< sum of `evidence`
+  Eigen::VectorXd theta;            ///< coefficients of the terms that are not fixed, one after the other
+  Eigen::MatrixXd covariance;       ///< of theta
+  Eigen::MatrixXd left;             ///< rows x n: the gap without the terms
+  Eigen::MatrixXd residual;         ///< rows x n: and without what the nominal model's errors explain
+  std::vector<ChannelNoise> noise;  ///< of each joint
+  Eigen::VectorXd evidence;         ///< of each joint: log marginal likelihood, coefficients at their best
+  double total = 0.0;               ///< sum of `evidence`
 };
 
 /// One joint alone.

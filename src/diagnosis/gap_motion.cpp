@@ -85,9 +85,9 @@ Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const
 Eigen::MatrixXd GapMotion::wrench_columns(int link, int joint) const {
   const int n = robot_.size();
   if (wrench_.empty()) {
-    wrench_.assign(static_cast<std::size_t>(n), std::vector<Eigen::MatrixXd>(
-                                                    static_cast<std::size_t>(n),
-                                                    Eigen::MatrixXd::Zero(q.rows(), 6)));
+    wrench_.assign(
+        static_cast<std::size_t>(n),
+        std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(n), Eigen::MatrixXd::Zero(q.rows(), 6)));
     Workspace<> ws(model_);
     std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(n) + 1);
     for (Eigen::Index i = 0; i < q.rows(); ++i) {

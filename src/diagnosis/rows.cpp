@@ -9,7 +9,7 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double edge_periods = 1.0;    // of the cut-off, at either end of a stretch
+constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a stretch
 constexpr Eigen::Index directions = 24;  // of the nuisance, at most
 constexpr double usual_lateness = 1e-3;  // [s] of stamps
 
@@ -74,8 +74,8 @@ void GapRows::find_white_floor() {
     const Eigen::MatrixXd& x = (*motions_)[s].tau;
     const Eigen::Index size = x.rows() - 3;
     if (size < 1) continue;
-    const Eigen::MatrixXd third = x.bottomRows(size) - 3.0 * x.middleRows(2, size) + 3.0 * x.middleRows(1, size) -
-                                  x.topRows(size);
+    const Eigen::MatrixXd third =
+        x.bottomRows(size) - 3.0 * x.middleRows(2, size) + 3.0 * x.middleRows(1, size) - x.topRows(size);
     // What the filter leaves of white noise: the energy of its kernel.
     white_floor += third.colwise().squaredNorm().transpose() / 20.0 * (*stretches_)[s].filter.white_gain();
     samples += double(size);

@@ -39,11 +39,11 @@ class GapRows {
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
 
-  Eigen::MatrixXd y;                       ///< rows x n [N m]: the gap
-  Eigen::MatrixXd q, dq, ddq, load;        ///< rows x n, filtered alike; load: the rigid body's torque
-  Eigen::VectorXd t;                       ///< [s] since its log's start
-  std::vector<int> log;                    ///< of each row
-  std::vector<Eigen::Index> parts;         ///< first row of each stretch, and, last, the number of rows
+  Eigen::MatrixXd y;                 ///< rows x n [N m]: the gap
+  Eigen::MatrixXd q, dq, ddq, load;  ///< rows x n, filtered alike; load: the rigid body's torque
+  Eigen::VectorXd t;                 ///< [s] since its log's start
+  std::vector<int> log;              ///< of each row
+  std::vector<Eigen::Index> parts;   ///< first row of each stretch, and, last, the number of rows
   /// Of each joint: what a nominal model off by 1 in every parameter, relatively, adds, reduced to its main
   /// directions.
   std::vector<Eigen::MatrixXd> nuisance;

@@ -6,15 +6,17 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 
 namespace dynid::detail {
 namespace {
 
-constexpr double temperature = 4.0;    // scores are log probabilities times this, see docs/diagnosis.md
-constexpr double joint_gain = 6.0;     // log evidence that a further joint of an effect has to bring
-constexpr double effect_gain = 10.0;   // and a further effect
-constexpr double least_part = 0.02;    // of the explained energy that a further effect has to make
+constexpr double temperature = 4.0;   // scores are log probabilities times this, see docs/diagnosis.md
+constexpr double joint_gain = 6.0;    // log evidence that a further joint of an effect has to bring
+constexpr double effect_gain = 10.0;  // and a further effect
+constexpr double least_part = 0.02;   // of the explained energy that a further effect has to make
 
 std::vector<Eigen::VectorXd> grid_of(const std::vector<ShapeParameter>& shape) {
   std::vector<Eigen::VectorXd> points = {Eigen::VectorXd(0)};
@@ -85,7 +87,8 @@ double Search::cost(const Adopted& effect) const {
   const auto units = static_cast<double>(effect.units.size());
   const auto shapes = static_cast<double>(effect.h->shape().size());
   // Each coefficient and each shape parameter by Schwarz, the choice of joints by its number of outcomes.
-  double cost = (0.5 * sample + 1.5) * (double(effect.coefficients()) + units * shapes) - temperature * std::log(effect.h->prior());
+  double cost = (0.5 * sample + 1.5) * (double(effect.coefficients()) + units * shapes) -
+                temperature * std::log(effect.h->prior());
   if (effect.h->scope() == Scope::window) cost += 2.0 * sample;
   if (effect.h->scope() != Scope::arm) cost += units * std::log(double(rows_.joints()));
   return cost;
@@ -132,7 +135,8 @@ UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const std::vector
       const bool log = p.logarithmic;
       const auto to = [log](double x) { return log ? std::log(x) : x; };
       const double step = (to(p.high) - to(p.low)) / (p.points - 1);
-      double low = std::max(to(p.low), to(unit.shape[s]) - step), high = std::min(to(p.high), to(unit.shape[s]) + step);
+      double low = std::max(to(p.low), to(unit.shape[s]) - step),
+             high = std::min(to(p.high), to(unit.shape[s]) + step);
       const auto value = [&](double x, UnitShape& out) {
         Eigen::VectorXd at = unit.shape;
         at[s] = log ? std::exp(x) : x;
@@ -173,14 +177,16 @@ Adopted Search::propose_own(const Hypothesis& h, const Grid& grid, const GapMode
       const double gain = unit_gain(h, *p.block, base);
       if (gain > best) best = gain, point = &p;
     }
-    const double price = (0.5 * sample + 1.5) * double((h.shape_only() ? 0 : point->block->size()) + point->shape.size()) +
-                         std::log(double(rows_.joints()));
+    const double price =
+        (0.5 * sample + 1.5) * double((h.shape_only() ? 0 : point->block->size()) + point->shape.size()) +
+        std::log(double(rows_.joints()));
     if (best - price < -0.5 * joint_gain && !effect.units.empty()) continue;
     UnitShape unit = refined(h, {static_cast<int>(u), point->shape, point->block}, grid[u], base);
     const double gain = unit_gain(h, *unit.block, base) - price;
     if (!h.shape_only()) {
       const ChannelFit fit =
-          fit_channel(rows_, static_cast<int>(u), base.fit.left.col(static_cast<Eigen::Index>(u)), unit.block->values[0], base.kappa);
+          fit_channel(rows_, static_cast<int>(u), base.fit.left.col(static_cast<Eigen::Index>(u)),
+                      unit.block->values[0], base.kappa);
       if (!h.plausible(rows_.motions().front().robot(), static_cast<int>(u), fit.theta, unit.shape)) continue;
     }
     if (gain < joint_gain) continue;
@@ -275,7 +281,8 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapM
       for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, size / 2);
            length = std::max(length + 1, length * 5 / 4)) {
         for (Eigen::Index i = first; i + length <= last; i += std::max<Eigen::Index>(1, length / 12)) {
-          const Eigen::MatrixXd d = sum[static_cast<std::size_t>(i + length)] - sum[static_cast<std::size_t>(i)];
+          const Eigen::MatrixXd d =
+              sum[static_cast<std::size_t>(i + length)] - sum[static_cast<std::size_t>(i)];
           Eigen::MatrixXd G = d.leftCols(p);
           G.diagonal().array() += 1e-6 * G.trace() + 1e-12;
           const double gain = 0.5 * d.col(p).dot(G.llt().solve(d.col(p)));
@@ -295,9 +302,11 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapM
   for (Eigen::Index step = std::max<Eigen::Index>(1, (to - from) / 8); step >= 1; step /= 2) {
     for (bool moved = true; moved;) {
       moved = false;
-      for (const auto& [a, b] : {std::pair{from - step, to}, std::pair{from + step, to}, std::pair{from, to - step},
-                                 std::pair{from, to + step}}) {
-        if (a < 0 || b >= size || b - a < 4 || rows_.log[static_cast<std::size_t>(a)] != rows_.log[static_cast<std::size_t>(b)]) continue;
+      for (const auto& [a, b] : {std::pair{from - step, to}, std::pair{from + step, to},
+                                 std::pair{from, to - step}, std::pair{from, to + step}}) {
+        if (a < 0 || b >= size || b - a < 4 ||
+            rows_.log[static_cast<std::size_t>(a)] != rows_.log[static_cast<std::size_t>(b)])
+          continue;
         const UnitShape other = window(a, b);
         const double value = unit_gain(h, *other.block, base);
         if (value > gain + 1e-6) {
@@ -329,7 +338,8 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
   std::vector<Adopted> useful;
   for (Adopted& e : proposed)
     if (e.h != nullptr && !e.units.empty() && e.gain > 0.0) useful.push_back(std::move(e));
-  std::stable_sort(useful.begin(), useful.end(), [](const Adopted& a, const Adopted& b) { return a.gain > b.gain; });
+  std::stable_sort(useful.begin(), useful.end(),
+                   [](const Adopted& a, const Adopted& b) { return a.gain > b.gain; });
   if (useful.size() > joint_refits) useful.resize(joint_refits);
   std::vector<GapModel> models(useful.size());
   tbb::parallel_for(std::size_t{0}, useful.size(), [&](std::size_t k) {
@@ -337,7 +347,8 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
     effects.push_back(useful[k]);
     models[k] = evaluate(std::move(effects), base.kappa);
   });
-  std::stable_sort(models.begin(), models.end(), [](const GapModel& a, const GapModel& b) { return a.score > b.score; });
+  std::stable_sort(models.begin(), models.end(),
+                   [](const GapModel& a, const GapModel& b) { return a.score > b.score; });
   return models;
 }
 
@@ -350,7 +361,8 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
   for (int j = 0; j < rows_.joints(); ++j) {
     Eigen::MatrixXd x(gap.rows(), count + 1);
     x.col(0) = scale[j] * gap.col(j);
-    for (Eigen::Index k = 0; k < count; ++k) x.col(k + 1) = scale[j] * surrogates[static_cast<std::size_t>(k)].col(j);
+    for (Eigen::Index k = 0; k < count; ++k)
+      x.col(k + 1) = scale[j] * surrogates[static_cast<std::size_t>(k)].col(j);
     signals.push_back(std::move(x));
   }
   std::vector<const RowBlock*> blocks;
@@ -384,6 +396,15 @@ GapModel Search::best(double kappa, int most) const {
   (void)all;
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
+    if (std::getenv("DYNID_DEBUG")) {
+      std::printf("kappa %g base %.1f\n", kappa, model.score);
+      for (const GapModel& m : next) {
+        std::printf("   %.1f %s(gain %.1f)", m.score, m.effects.back().h->name().c_str(),
+                    m.effects.back().gain);
+        for (const UnitShape& u : m.effects.back().units) std::printf(" %d", u.unit + 1);
+        std::printf("\n");
+      }
+    }
     if (next.empty() || next[0].score < model.score + effect_gain) break;
     // In units of the noise: a further effect has to matter beside those before it.
     double before = 0.0, gained = 0.0;

@@ -49,8 +49,8 @@ class Search {
   /// The best form of every effect on top of a model (which may be none()), best first: each refitted jointly
   /// with it.
   std::vector<GapModel> alternatives(const GapModel& base, std::size_t joint_refits) const;
-  /// p-value of a gap (rows x n) against surrogates of it: the largest part that any one effect explains, each
-  /// standardised by what it explains of the surrogates (Westfall and Young 1993).
+  /// p-value of a gap (rows x n) against surrogates of it: the largest part that any one effect explains,
+  /// each standardised by what it explains of the surrogates (Westfall and Young 1993).
   double p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::MatrixXd>& surrogates) const;
   const GapRows& rows() const { return rows_; }
 

@@ -27,7 +27,8 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
     for (Eigen::MatrixXd& surrogate : out) {
       std::vector<Complex> turn(static_cast<std::size_t>(size), 1.0);
       for (Eigen::Index k = 1; k <= half; ++k) {
-        const Complex phase = 2 * k == size ? Complex(random() % 2 == 0 ? 1.0 : -1.0) : std::polar(1.0, angle(random));
+        const Complex phase =
+            2 * k == size ? Complex(random() % 2 == 0 ? 1.0 : -1.0) : std::polar(1.0, angle(random));
         turn[static_cast<std::size_t>(k)] = phase;
         if (2 * k != size) turn[static_cast<std::size_t>(size - k)] = std::conj(phase);
       }
@@ -36,7 +37,8 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
         std::vector<Complex> turned = spectra[static_cast<std::size_t>(j)];
         double low = 0.0;
         const Eigen::Index lowest = std::min<Eigen::Index>(3, half);
-        for (Eigen::Index k = 1; k <= lowest; ++k) low += std::norm(turned[static_cast<std::size_t>(k)]) / double(lowest);
+        for (Eigen::Index k = 1; k <= lowest; ++k)
+          low += std::norm(turned[static_cast<std::size_t>(k)]) / double(lowest);
         turned[0] = mean * std::sqrt(low);
         for (std::size_t k = 1; k < turned.size(); ++k) turned[k] *= turn[k];
         std::vector<double> x;

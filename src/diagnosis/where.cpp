@@ -50,7 +50,8 @@ std::vector<Regime> regimes(const GapRows& rows) {
       [&](Eigen::Index i, Eigen::Index j) { return std::abs(rows.ddq(i, j)) >= acceleration[j]; });
   const double end = rows.t.maxCoeff();
   add("first third", [&](Eigen::Index i, Eigen::Index) { return rows.t[i] < end / 3; });
-  add("second third", [&](Eigen::Index i, Eigen::Index) { return rows.t[i] >= end / 3 && rows.t[i] < 2 * end / 3; });
+  add("second third",
+      [&](Eigen::Index i, Eigen::Index) { return rows.t[i] >= end / 3 && rows.t[i] < 2 * end / 3; });
   add("last third", [&](Eigen::Index i, Eigen::Index) { return rows.t[i] >= 2 * end / 3; });
   return all;
 }
@@ -82,7 +83,8 @@ std::vector<GapCell> locate(const GapRows& rows, const Eigen::VectorXd& floor,
   return cells;
 }
 
-std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap, const std::vector<std::string>& logs) {
+std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap,
+                               const std::vector<std::string>& logs) {
   std::vector<GapWindow> found;
   const Eigen::Index reach = 3;
   for (int j = 0; j < rows.joints(); ++j) {

@@ -22,6 +22,7 @@ std::vector<GapCell> locate(const GapRows& rows, const Eigen::VectorXd& floor,
                             const std::vector<Eigen::MatrixXd>& surrogates);
 
 /// Stretches in which the gap of some joints is far above what it is over the rest of the log.
-std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap, const std::vector<std::string>& logs);
+std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap,
+                               const std::vector<std::string>& logs);
 
 }  // namespace dynid::detail

@@ -20,16 +20,17 @@ struct BlindOptions {
   int cases = 20;
   unsigned long seed = 1;
   BlindKind kind = BlindKind::clean;
-  std::string folder;       ///< where logs and, apart from them, labels are written
-  double duration = 12.0;   ///< [s] of each of a case's two logs
-  double rate = 250.0;      ///< [Hz]
+  std::string folder;      ///< where logs and, apart from them, labels are written
+  double duration = 12.0;  ///< [s] of each of a case's two logs
+  double rate = 250.0;     ///< [Hz]
   DiagnoseOptions diagnose;
   std::function<void(int done, int of)> progress;  ///< serialised
 };
 
 /// One case: what was put in, and what came out.
 struct BlindCase {
-  std::vector<Effect> truth;  ///< empty: no gap; the name of one that the library does not have starts with `unknown`
+  std::vector<Effect>
+      truth;  ///< empty: no gap; the name of one that the library does not have starts with `unknown`
   std::vector<std::string> withheld;  ///< effects taken out of the library for it
   Verdict verdict = Verdict::no_gap;
   double p_value = 1.0, explained = 0.0;
@@ -37,7 +38,7 @@ struct BlindCase {
   std::vector<std::pair<std::string, double>> ranking;
   double shrink = 0.0, true_shrink = 0.0;  ///< of the diagnosis, and of the truth's own torque
   double seconds = 0.0;
-  std::string failure;                     ///< what was thrown, if anything
+  std::string failure;  ///< what was thrown, if anything
 };
 
 /// The figures of the check over a bank.
@@ -46,11 +47,11 @@ struct BlindScore {
   int known = 0, first_right = 0, class_right = 0, joints_right = 0;  ///< cases with effects of the library
   int unknown = 0, abstained = 0;                                     ///< cases with effects not of it
   int pairs = 0, both_found = 0;
-  int confident_wrong = 0;                 ///< wrong first effect with probability of 0.9 or more, of all cases
-  double calibration_error = 0.0;          ///< ECE of the first effect's probability, ten bins
-  int intervals = 0, covered = 0;          ///< 90 % intervals of the first effect's parameters, where right
-  double parameter_error = 0.0;            ///< median relative error of those parameters
-  double shrink = 0.0;                     ///< median of the shrink in parts of what the truth gives
+  int confident_wrong = 0;         ///< wrong first effect with probability of 0.9 or more, of all cases
+  double calibration_error = 0.0;  ///< ECE of the first effect's probability, ten bins
+  int intervals = 0, covered = 0;  ///< 90 % intervals of the first effect's parameters, where right
+  double parameter_error = 0.0;    ///< median relative error of those parameters
+  double shrink = 0.0;             ///< median of the shrink in parts of what the truth gives
   std::map<std::string, std::map<std::string, int>> confusion;  ///< truth, named
 };
 

@@ -25,10 +25,10 @@ struct Estimate {
 
 /// An effect that the diagnosis adopted.
 struct FoundEffect {
-  Effect effect;                      ///< as a model file carries it
-  double share = 0.0;                 ///< of the explained gap's energy
+  Effect effect;       ///< as a model file carries it
+  double share = 0.0;  ///< of the explained gap's energy
   double probability = 0.0;
-  std::vector<std::string> aliases;   ///< effects that this log cannot tell from it
+  std::vector<std::string> aliases;  ///< effects that this log cannot tell from it
   std::vector<Estimate> parameters;
 };
 
@@ -36,7 +36,7 @@ struct FoundEffect {
 struct GapCell {
   int joint = 0;  ///< from 1
   std::string regime;
-  double share = 0.0;    ///< of the gap's energy, each joint in units of its floor
+  double share = 0.0;  ///< of the gap's energy, each joint in units of its floor
   double p_value = 1.0;
 };
 
@@ -55,11 +55,11 @@ struct Shrink {
 };
 
 struct DiagnoseOptions {
-  double cutoff = 0.0;                 ///< [Hz] of the band looked at; 0: chosen, at most 10
-  std::vector<std::string> withhold;   ///< effects taken out of the library
+  double cutoff = 0.0;                ///< [Hz] of the band looked at; 0: chosen, at most 10
+  std::vector<std::string> withhold;  ///< effects taken out of the library
   int most_effects = 3;
-  double tolerance = 0.02;             ///< relative error of the nominal parameters that is not a gap, at most
-  unsigned seed = 1;                   ///< of surrogates and intervals
+  double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
+  unsigned seed = 1;        ///< of surrogates and intervals
   int surrogates = 199;
   std::function<void(const std::string& stage, double fraction)> progress;
 };
@@ -67,15 +67,15 @@ struct DiagnoseOptions {
 struct Diagnosis {
   Verdict verdict = Verdict::no_gap;
   double p_value = 1.0;
-  std::vector<PreparedLog> logs;       ///< checks of each log; their segments are released
-  Eigen::VectorXd rms, floor;          ///< n [N m]: of the gap, and of the noise in the band
+  std::vector<PreparedLog> logs;  ///< checks of each log; their segments are released
+  Eigen::VectorXd rms, floor;     ///< n [N m]: of the gap, and of the noise in the band
   std::vector<GapCell> where;
   std::vector<GapWindow> windows;
-  std::vector<FoundEffect> effects;    ///< largest share first
+  std::vector<FoundEffect> effects;                     ///< largest share first
   std::vector<std::pair<std::string, double>> ranking;  ///< of every effect: probability to be the first
   Shrink shrink;
-  double nominal_error = 0.0;          ///< relative error of the nominal parameters that the data ask for
-  double explained = 0.0;              ///< part of the gap's energy that the effects explain where fitted
+  double nominal_error = 0.0;  ///< relative error of the nominal parameters that the data ask for
+  double explained = 0.0;      ///< part of the gap's energy that the effects explain where fitted
   double cutoff = 0.0;
   double seconds = 0.0;
 };

@@ -17,15 +17,15 @@ class GapMotion {
   GapMotion(const Robot& nominal, const Segment& segment, double start);
 
   const Robot& robot() const noexcept { return robot_; }
-  int joints() const noexcept { return robot_.size(); }               ///< n
-  Eigen::Index samples() const noexcept { return q.rows(); }          ///< N
-  double rate = 0.0;                                                  ///< [Hz]
-  double start = 0.0;                                                 ///< [s] of the log, as it is stamped
-  Eigen::VectorXd t;                                                  ///< N [s] since the log's start
-  Eigen::MatrixXd q, dq, ddq;                                         ///< N x n, low-passed
-  Eigen::MatrixXd tau;                                                ///< N x n [N m], as measured
-  Eigen::MatrixXd nominal;                                            ///< N x n [N m], the whole nominal model
-  Eigen::MatrixXd rigid;                                              ///< N x n [N m], without friction
+  int joints() const noexcept { return robot_.size(); }       ///< n
+  Eigen::Index samples() const noexcept { return q.rows(); }  ///< N
+  double rate = 0.0;                                          ///< [Hz]
+  double start = 0.0;                                         ///< [s] of the log, as it is stamped
+  Eigen::VectorXd t;                                          ///< N [s] since the log's start
+  Eigen::MatrixXd q, dq, ddq;                                 ///< N x n, low-passed
+  Eigen::MatrixXd tau;                                        ///< N x n [N m], as measured
+  Eigen::MatrixXd nominal;                                    ///< N x n [N m], the whole nominal model
+  Eigen::MatrixXd rigid;                                      ///< N x n [N m], without friction
 
   /// Columns that standard parameters of link `link` (from 0) have in joint `joint` (from 0): N x 10.
   Eigen::MatrixXd link_columns(int link, int joint) const;
@@ -42,7 +42,7 @@ class GapMotion {
  private:
   Robot robot_;
   Model<> model_;
-  std::vector<Eigen::MatrixXd> regressor_;         // joint by joint, N x 10 n
+  std::vector<Eigen::MatrixXd> regressor_;                    // joint by joint, N x 10 n
   mutable std::vector<std::vector<Eigen::MatrixXd>> wrench_;  // link, joint
 };
 

@@ -32,8 +32,8 @@ struct ShapeParameter {
 /// A value of an effect for a person, a file, a label.
 struct NamedValue {
   std::string key, unit;
-  Eigen::VectorXd value;   ///< one number for a joint's own parameter
-  bool per_joint = true;   ///< one number for each joint of the robot; else of the whole arm
+  Eigen::VectorXd value;  ///< one number for a joint's own parameter
+  bool per_joint = true;  ///< one number for each joint of the robot; else of the whole arm
 };
 
 /// An effect that the diagnosis can find: linear in its coefficients c for given shape parameters s.

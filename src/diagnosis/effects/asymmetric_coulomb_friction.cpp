@@ -30,6 +30,8 @@ class AsymmetricCoulombFriction : public OwnTorque {
 
 }  // namespace
 
-std::unique_ptr<Hypothesis> make_asymmetric_coulomb_friction() { return std::make_unique<AsymmetricCoulombFriction>(); }
+std::unique_ptr<Hypothesis> make_asymmetric_coulomb_friction() {
+  return std::make_unique<AsymmetricCoulombFriction>();
+}
 
 }  // namespace dynid::detail

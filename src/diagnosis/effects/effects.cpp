@@ -25,7 +25,8 @@ double joint_value(const Robot& robot, const Effect& effect, const std::string& 
 }
 
 Eigen::VectorXd arm_value(const Effect& effect, const std::string& key, int size) {
-  return Eigen::Map<const Eigen::VectorXd>(values_of(effect, key, static_cast<std::size_t>(size)).data(), size);
+  return Eigen::Map<const Eigen::VectorXd>(values_of(effect, key, static_cast<std::size_t>(size)).data(),
+                                           size);
 }
 
 std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect& effect) {
@@ -77,8 +78,8 @@ std::vector<NamedValue> OwnTorque::parameters(const Robot&, int, const Eigen::Ve
                       Eigen::VectorXd::Constant(1, c[static_cast<Eigen::Index>(k)])});
   const std::vector<ShapeParameter> shapes = this->shape();
   for (std::size_t k = 0; k < shapes.size(); ++k)
-    values.push_back({shapes[k].key, shapes[k].unit,
-                      Eigen::VectorXd::Constant(1, shape[static_cast<Eigen::Index>(k)])});
+    values.push_back(
+        {shapes[k].key, shapes[k].unit, Eigen::VectorXd::Constant(1, shape[static_cast<Eigen::Index>(k)])});
   return values;
 }
 

@@ -32,9 +32,10 @@ class GravityTilt : public Hypothesis {
   }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {
-    return {{"angle_deg", "deg", Eigen::VectorXd::Constant(1, std::asin(std::min(1.0, c.norm())) * 180 / M_PI),
-             false},
-            {"direction_deg", "deg", Eigen::VectorXd::Constant(1, std::atan2(c[1], c[0]) * 180 / M_PI), false}};
+    return {
+        {"angle_deg", "deg", Eigen::VectorXd::Constant(1, std::asin(std::min(1.0, c.norm())) * 180 / M_PI),
+         false},
+        {"direction_deg", "deg", Eigen::VectorXd::Constant(1, std::atan2(c[1], c[0]) * 180 / M_PI), false}};
   }
   void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {

@@ -19,6 +19,8 @@ class LoadDependentFriction : public OwnTorque {
 
 }  // namespace
 
-std::unique_ptr<Hypothesis> make_load_dependent_friction() { return std::make_unique<LoadDependentFriction>(); }
+std::unique_ptr<Hypothesis> make_load_dependent_friction() {
+  return std::make_unique<LoadDependentFriction>();
+}
 
 }  // namespace dynid::detail

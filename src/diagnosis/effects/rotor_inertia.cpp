@@ -10,7 +10,8 @@ class RotorInertia : public OwnTorque {
   RotorInertia() : OwnTorque("rotor_inertia", {{"armature", "kg m^2"}}) {}
   bool enter(Robot& robot, const Effect& effect) const override {
     for (const int j : effect.joints)
-      robot.joints[static_cast<std::size_t>(j - 1)].rotor_inertia += joint_value(robot, effect, "armature", j - 1);
+      robot.joints[static_cast<std::size_t>(j - 1)].rotor_inertia +=
+          joint_value(robot, effect, "armature", j - 1);
     return true;
   }
 
