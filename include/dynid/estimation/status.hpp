@@ -8,7 +8,7 @@ enum class Status : unsigned {
   ok = 0,
   restarted = 1u << 0,       ///< first sample, or the first after a reset: the observer starts from zero here
   bad_input = 1u << 1,       ///< not finite, of a wrong size, or ten times beyond a limit: outputs are held
-  stale = 1u << 2,           ///< no time has passed, or the sample repeats the one before
+  stale = 1u << 2,           ///< no time has passed, or the sample repeats the one before: outputs are held
   time_went_back = 1u << 3,  ///< dt < 0: reset
   gap = 1u << 4,             ///< more time has passed than allowed: reset
   limits_exceeded = 1u << 5,  ///< a position, velocity or torque is beyond the robot's limits

@@ -17,7 +17,7 @@ namespace dynid {
 /// Set-up of a TorqueEstimator. Vectors over joints: n values, one value for all joints, or empty for the
 /// default.
 struct TorqueEstimatorOptions {
-  Eigen::VectorXd gain;  ///< K [1/s] of the observer; default 50
+  Eigen::VectorXd gain;  ///< K [1/s] of the observer; default 60
   ObserverOrder order = ObserverOrder::first;
   double damping = 1.0;  ///< zeta of the second-order form
   /// [N m] of the residual; default 0.3 sqrt(torque limit / 1 N m): 2.8 for 87 N m, 1.04 for 12 N m; 2 where
@@ -27,10 +27,9 @@ struct TorqueEstimatorOptions {
   Eigen::Isometry3d wrench_frame = Eigen::Isometry3d::Identity();  ///< pose in the *tip* frame
   ExternalWrenchOptions wrench;
   double acceleration_cutoff = 30.0;  ///< [Hz] of the first-order filter behind the difference of dq
-  /// [s] by which the measured dq comes late; it is advanced by that much along the estimated acceleration.
-  double velocity_lag = 0.0;
-  double longest_dt = 0.1;  ///< [s] a longer step is a gap
-  double bridge = 0.003;    ///< [s] for which a sample that repeats the one before is waited out
+  double longest_dt = 0.1;            ///< [s] a longer step is a gap
+  /// [s] for which a sample that repeats the one before (a lost packet) is waited out: its outputs are held.
+  double bridge = 0.003;
 };
 
 /// What a cycle gives. Torques [N m]: n, base to tip.
@@ -69,7 +68,7 @@ class TorqueEstimator {
   explicit TorqueEstimator(const TorqueModel<N>& model, const TorqueEstimatorOptions& options = {})
       : models_(model),
         ws_(model.rigid_body()),
-        observer_(over_joints(options.gain, Vector::Constant(model.size(), 50.0), "gain"), options.order,
+        observer_(over_joints(options.gain, Vector::Constant(model.size(), 60.0), "gain"), options.order,
                   options.damping),
         contact_(threshold(model, options), options.contact_release * threshold(model, options)),
         wrench_(model.rigid_body(), model.rigid_body().tip() * options.wrench_frame, options.wrench),
@@ -79,11 +78,9 @@ class TorqueEstimator {
     };
     positive(options.acceleration_cutoff, "acceleration_cutoff");
     positive(options.longest_dt, "longest_dt");
-    if (!(options.velocity_lag >= 0.0 && options.velocity_lag < 0.1))
-      throw Error("velocity_lag: must be in [0, 0.1) s");
     if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
       throw Error("bridge: must be in [0, longest_dt) s");
-    for (Vector* v : {&q_, &dq_, &tau_, &speed_, &ddq_, &ddq_used_, &p_, &u_, &out_.ddq, &out_.tau_model,
+    for (Vector* v : {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &out_.ddq, &out_.tau_model,
                       &out_.tau_friction, &out_.tau_external, &out_.residual})
       *v = Vector::Zero(model.size());
     out_.contact = contact_.flags();
@@ -128,6 +125,7 @@ class TorqueEstimator {
  private:
   // An input beyond these means nothing: its magnitude, and how many times its limit.
   static constexpr double sense = 1e6, beyond = 10.0;
+  static constexpr double shortest_dt = 1e-6;  // [s] less is no time at all
 
   Vector over_joints(const Eigen::VectorXd& given, const Vector& usual, const char* what) const {
     if (given.size() == 0) return usual;
@@ -185,18 +183,19 @@ class TorqueEstimator {
              std::abs(next_tau_[i]) <= beyond * model.torque_limit()[i];
     if (!good) return hold(status | Status::bad_input);
     if (started_) {
-      const bool same = next_q_ == q_ && next_dq_ == dq_ && next_tau_ == tau_;
-      if (same) status |= Status::stale;
-      if (elapsed_ <= 0.0 || (same && elapsed_ <= options_.bridge)) return hold(status | Status::stale);
+      if (elapsed_ < shortest_dt) return hold(status | Status::stale);
+      if (next_q_ == q_ && next_dq_ == dq_ && next_tau_ == tau_) {
+        status |= Status::stale;
+        if (elapsed_ <= options_.bridge) return hold(status);
+      }
     }
     estimate_acceleration();
     q_ = next_q_, dq_ = next_dq_, tau_ = next_tau_;
-    for (Eigen::Index i = 0; i < q_.size(); ++i) speed_[i] = dq_[i] + options_.velocity_lag * ddq_[i];
     if (ddq == nullptr) ddq_used_ = ddq_;
 
-    model.friction(q_, speed_, out_.tau_friction);
-    model.torque(ws_, q_, speed_, ddq_used_, out_.tau_friction, out_.tau_model);
-    model.momentum(ws_, q_, speed_, tau_, out_.tau_friction, p_, u_);
+    model.friction(q_, dq_, out_.tau_friction);
+    model.torque(ws_, q_, dq_, ddq_used_, out_.tau_friction, out_.tau_model);
+    model.momentum(ws_, q_, dq_, tau_, out_.tau_friction, p_, u_);
     if (started_) {
       observer_.update(elapsed_, p_, u_);
     } else {
@@ -228,8 +227,8 @@ class TorqueEstimator {
 
   // p and u of the sample before by the model that is now in use.
   void rebase(const TorqueModel<N>& model) noexcept {
-    model.friction(q_, speed_, out_.tau_friction);
-    model.momentum(ws_, q_, speed_, tau_, out_.tau_friction, p_, u_);
+    model.friction(q_, dq_, out_.tau_friction);
+    model.momentum(ws_, q_, dq_, tau_, out_.tau_friction, p_, u_);
     observer_.rebase(p_, u_);
   }
 
@@ -256,7 +255,7 @@ class TorqueEstimator {
   double elapsed_ = 0.0;  // [s] since the sample before
   Vector q_, dq_, tau_;   // the sample before, as measured
   Vector next_q_ = Vector::Zero(n_), next_dq_ = next_q_, next_tau_ = next_q_;
-  Vector speed_, ddq_;  // advanced velocity, estimated acceleration
+  Vector ddq_;  // estimated acceleration
   Vector ddq_used_, p_, u_;
   Estimate<N> out_;
 };

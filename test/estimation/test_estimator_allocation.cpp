@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstddef>
+
+#include "dynamics/chains.hpp"
+#include "dynid/estimation/torque_estimator.hpp"
+
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define DYNID_COUNTS_ALLOCATIONS
+
+// This executable's own malloc, free and kin, which operator new and Eigen end in too: glibc's, counted.
+namespace {
+std::atomic<long> allocations{0};
+}
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+void __libc_free(void*);
+void free(void* p) {
+  if (p != nullptr) ++allocations;
+  __libc_free(p);
+}
+void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) {
+  ++allocations;
+  return __libc_calloc(count, size);
+}
+void* realloc(void* p, std::size_t size) {
+  ++allocations;
+  return __libc_realloc(p, size);
+}
+void* memalign(std::size_t alignment, std::size_t size) {
+  ++allocations;
+  return __libc_memalign(alignment, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  ++allocations;
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** p, std::size_t alignment, std::size_t size) {
+  ++allocations;
+  *p = __libc_memalign(alignment, size);
+  return *p == nullptr ? ENOMEM : 0;
+}
+}
+#endif
+
+namespace dynid::test {
+namespace {
+
+#ifdef DYNID_COUNTS_ALLOCATIONS
+
+template <int N>
+void none_in_the_loop(const Robot& robot, ObserverOrder order) {
+  const TorqueModel<N> model(robot);
+  TorqueModel<N> loaded = model;
+  LinkInertia payload;
+  payload.mass = 1.0;
+  const long before_payload = allocations;
+  loaded.set_payload(payload);
+  loaded.set_gravity(Eigen::Vector3d(0, 1, -9.7));
+  EXPECT_EQ(allocations - before_payload, 0) << robot.name;
+  TorqueEstimatorOptions options;
+  options.order = order;
+  TorqueEstimator<N> estimator(model, options);
+  const int n = model.size();
+  Generator generator(5);
+  Eigen::Matrix<double, N, 1> q(n), dq(n), tau(n), ddq(n);
+  long made = 0;
+  Status all = Status::ok;
+  for (int k = 0; k < 2000; ++k) {
+    q = random_state(generator, n, 0.5), dq = random_state(generator, n, 0.5);
+    tau = random_state(generator, n, 5.0), ddq = random_state(generator, n, 1.0);
+    double dt = 1e-3;
+    if (k % 100 == 50) q[0] = std::nan("");
+    if (k % 100 == 60) dt = -1.0;
+    if (k % 100 == 70) dt = 1.0;
+    if (k % 100 == 80) dt = 0.0;
+    if (k % 200 == 0) estimator.adopt(k % 400 == 0 ? loaded : model);
+    const long before = allocations;
+    const Status status =
+        (k % 2 == 0 ? estimator.step(dt, q, dq, tau) : estimator.step(dt, q, dq, tau, ddq)).status;
+    if (k % 500 == 0) estimator.reset();
+    made += allocations - before;
+    all |= status;
+  }
+  EXPECT_EQ(made, 0) << robot.name;
+  for (const Status flag : {Status::restarted, Status::bad_input, Status::stale, Status::time_went_back,
+                            Status::gap, Status::model_changed})
+    EXPECT_TRUE(has(all, flag)) << static_cast<unsigned>(flag);
+}
+
+TEST(EstimatorAllocation, IsCounted) {
+  const long before = allocations;
+  delete new Eigen::VectorXd(100);
+  EXPECT_GE(allocations - before, 4);
+}
+
+TEST(EstimatorAllocation, NoneAndNoFreeInAnyCycle) {
+  for (const ObserverOrder order : {ObserverOrder::first, ObserverOrder::second}) {
+    none_in_the_loop<7>(panda(), order);
+    none_in_the_loop<6>(ur_like(), order);
+    none_in_the_loop<Eigen::Dynamic>(panda(), order);
+    none_in_the_loop<Eigen::Dynamic>(random_chain(7), order);
+  }
+}
+
+#else
+
+TEST(EstimatorAllocation, NoneAndNoFreeInAnyCycle) {
+  GTEST_SKIP() << "allocations cannot be counted under a sanitizer or without glibc";
+}
+
+#endif
+
+}  // namespace
+}  // namespace dynid::test
