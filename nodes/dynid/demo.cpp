@@ -2,8 +2,6 @@
 // The whole loop without a robot: a log of the published Panda, as a robot would record it, is made, written,
 // identified and reported.
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
@@ -16,6 +14,7 @@
 #include "dynid/identification/identify.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/yaml.hpp"
+#include "dynid/plot.hpp"
 #include "dynid/signal/table.hpp"
 #include "dynid/simulation/simulate.hpp"
 
@@ -67,12 +66,10 @@ Log record(const Robot& robot, unsigned seed) {
   return simulate(robot, {}, motion, options).log;
 }
 
-/// Measured and predicted torque of every joint, by gnuplot; empty where there is no gnuplot.
+/// Measured and predicted torque of every joint; empty where there is no gnuplot.
 std::string plot(const std::string& folder) {
-  const std::string svg = folder + "/torque.svg", script = folder + "/torque.gp";
   std::ostringstream text;
-  text << "set terminal svg size 900,1260 font 'sans-serif,12' background 'white'\nset output '" << svg
-       << "'\n"
+  text << "set terminal svg size 900,1260 dynamic font 'sans-serif,12' background 'white'\n"
        << "set datafile separator ','\nset multiplot layout 7,1\nset grid\nset key outside right\n"
        << "set xrange [0:21]\nset tmargin 0.6\nset bmargin 1.6\nset lmargin 9\nset rmargin 16\n";
   for (int j = 1; j <= joints; ++j) {
@@ -84,13 +81,7 @@ std::string plot(const std::string& folder) {
          << "/torque.csv' every 20 using 't':'tauf" << j << "' with lines lc '#d1602f' title 'friction'\n";
   }
   text << "unset multiplot\n";
-  write_file(script, text.str());
-  const bool made = std::system(("gnuplot '" + script + "' 2>/dev/null").c_str()) == 0;
-  std::filesystem::remove(script);
-  if (!made) return "";
-  std::string picture = read_file(svg);
-  std::filesystem::remove(svg);
-  return picture.substr(picture.find("<svg"));
+  return plot_svg(text.str(), "torques");
 }
 
 std::string report(const Identification& id, const Robot& truth, const std::string& picture) {

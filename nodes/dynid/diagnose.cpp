@@ -7,7 +7,9 @@
 #include "dynid/command.hpp"
 #include "dynid/commands.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/diagnosis/report.hpp"
 #include "dynid/error.hpp"
+#include "dynid/file.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/signal/log.hpp"
@@ -19,7 +21,7 @@ struct Arguments {
   Output output;
   RobotOption model;
   std::vector<std::string> logs, withhold;
-  std::string reference, patch, report;
+  std::string reference, patch, report, next_trajectory;
   DiagnoseOptions options;
 };
 
@@ -49,6 +51,8 @@ nlohmann::json diagnosis_json(const Diagnosis& d) {
   for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
   for (const auto& [name, probability] : d.ranking)
     ranking.push_back({{"name", name}, {"probability", probability}});
+  nlohmann::json separates = nlohmann::json::array();
+  for (const auto& [a, b] : d.next.separates) separates.push_back({a, b});
   return {
       {"format", "dynid-diagnosis-1"},
       {"data", to_json(d.logs)},
@@ -66,10 +70,10 @@ nlohmann::json diagnosis_json(const Diagnosis& d) {
         {"high", d.shrink.high},
         {"held_out", d.shrink.held_out},
         {"rollout",
-         {{"horizon_s", nlohmann::json::array()},
-          {"before", nlohmann::json::array()},
-          {"after", nlohmann::json::array()}}}}},
-      {"next_experiment", {{"text", ""}, {"separates", nlohmann::json::array()}, {"trajectory", nullptr}}},
+         {{"horizon_s", to_json(d.rollout.horizon)},
+          {"before", to_json(d.rollout.before)},
+          {"after", to_json(d.rollout.after)}}}}},
+      {"next_experiment", {{"text", d.next.text}, {"separates", separates}, {"trajectory", nullptr}}},
       {"nominal_error", d.nominal_error},
       {"explained", d.explained},
       {"cutoff_hz", d.cutoff},
@@ -93,10 +97,44 @@ void print(const Diagnosis& d) {
   if (!d.effects.empty())
     std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low
               << " to " << 100.0 * d.shrink.high << " %) on data not used\n";
+  std::cout << "Next: " << d.next.text << "\n";
+}
+
+/// A word of a command line, for a shell.
+std::string quoted(const std::string& word) {
+  if (!word.empty() && word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                                              "_-./=:,+@%") == std::string::npos)
+    return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? "'\\''" : std::string(1, c);
+  return out + "'";
+}
+
+/// The command that makes this diagnosis again.
+std::string command_line(const Arguments& a) {
+  std::string out = "dynid diagnose --model " + quoted(a.model.path);
+  const auto add = [&out](const std::string& option, const std::string& value) {
+    if (!value.empty()) out += " " + option + " " + quoted(value);
+  };
+  const DiagnoseOptions usual;
+  const auto number = [](double x) { return nlohmann::json(x).dump(); };
+  add("--base", a.model.base);
+  add("--tip", a.model.tip);
+  out += " --log";
+  for (const std::string& log : a.logs) out += " " + quoted(log);
+  add("--reference", a.reference);
+  for (const std::string& name : a.withhold) add("--withhold", name);
+  if (a.options.cutoff > 0.0) add("--cutoff", number(a.options.cutoff));
+  if (a.options.tolerance != usual.tolerance) add("--tolerance", number(a.options.tolerance));
+  if (a.options.seed != usual.seed) add("--seed", std::to_string(a.options.seed));
+  add("--patch", a.patch);
+  add("--next-trajectory", a.next_trajectory);
+  add("--report", a.report);
+  return out;
 }
 
 void run(const Arguments& a) {
-  a.output.check({a.patch});
+  a.output.check({a.patch, a.report, a.next_trajectory});
   Output silent = a.output;
   silent.quiet = true;
   Robot nominal = a.model.read(silent).robot;
@@ -128,6 +166,13 @@ void run(const Arguments& a) {
                 {patched(nominal, d.effects), {}, "effects found by diagnosis of " + a.logs.front()});
   nlohmann::json result = diagnosis_json(d);
   result["view"] = a.reference.empty() ? "A" : "B";
+  if (!a.next_trajectory.empty() && d.next.motion.samples() > 0) {
+    write_trajectory(a.next_trajectory, d.next.motion);
+    result["next_experiment"]["trajectory"] = a.next_trajectory;
+  }
+  if (!a.report.empty())
+    write_file(a.report,
+               to_html(d, {nominal.name, a.logs, command_line(a), DYNID_VERSION, !a.reference.empty()}));
   a.output.write(result);
   if (a.output.summary()) print(d);
 }
@@ -149,6 +194,14 @@ void add_diagnose(CLI::App& app, int& status) {
                       "Take friction or payload out of the model, or an effect out of the library");
   command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")
       ->type_name("FILE");
+  command
+      ->add_option("--report", a->report,
+                   "Page to write: what was found, in words, figures and plots (HTML, self-contained)")
+      ->type_name("FILE");
+  command
+      ->add_option("--next-trajectory", a->next_trajectory,
+                   "Motion to write that tells apart the effects that these logs cannot (CSV)")
+      ->type_name("FILE");
   command->add_option("--cutoff", a->options.cutoff, "Band looked at [Hz]")->check(CLI::PositiveNumber);
   command
       ->add_option("--tolerance", a->options.tolerance,
@@ -157,7 +210,9 @@ void add_diagnose(CLI::App& app, int& status) {
       ->capture_default_str();
   command->add_option("--seed", a->options.seed, "Of surrogates and intervals")->capture_default_str();
   a->output.add_to(*command);
-  command->footer("Example: dynid diagnose --model config/panda.yaml --log a.csv b.csv --patch patched.yaml");
+  command->footer(
+      "Example: dynid diagnose --model config/panda.yaml --log a.csv b.csv --patch patched.yaml "
+      "--report report.html");
   command->callback([a, &status] {
     run(*a);
     status = 0;

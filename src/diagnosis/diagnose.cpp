@@ -9,6 +9,8 @@
 
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/error.hpp"
+#include "next_experiment.hpp"
+#include "rollout.hpp"
 #include "rows.hpp"
 #include "search.hpp"
 #include "surrogates.hpp"
@@ -443,6 +445,17 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
         adopt ? Eigen::MatrixXd(held.y - contribution(held, model, model.fit.theta)) : held.y;
     out.shrink = shrink_of(held, rest, noise, options.seed);
   }
+  out.series = {everything.log, everything.t, everything.y, everything.y, last};
+  for (std::size_t k = 0; adopt && k < model.effects.size(); ++k) {
+    Eigen::MatrixXd part = contribution(everything, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+    if (several && model.effects[k].h->scope() == Scope::window)  // a window is of the logs it was found in
+      for (std::size_t i = 0; i < last.size(); ++i)
+        if (last[i]) part.row(static_cast<Eigen::Index>(i)).setZero();
+    out.series.after -= part;
+  }
+  say("replaying the motion", 0.97);
+  out.rollout = detail::roll_out(nominal, out.effects, everything, last);
+  out.next = detail::next_experiment(nominal, out);
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   return out;
 }

@@ -7,6 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "dynid/diagnosis/gap_series.hpp"
+#include "dynid/diagnosis/next_experiment.hpp"
+#include "dynid/diagnosis/rollout.hpp"
 #include "dynid/model/effect.hpp"
 #include "dynid/model/robot.hpp"
 #include "dynid/signal/log.hpp"
@@ -74,6 +77,9 @@ struct Diagnosis {
   std::vector<FoundEffect> effects;                     ///< largest share first
   std::vector<std::pair<std::string, double>> ranking;  ///< of every effect: probability to be the first
   Shrink shrink;
+  GapSeries series;
+  Rollout rollout;
+  NextExperiment next;
   double nominal_error = 0.0;  ///< relative error of the nominal parameters that the data ask for
   double explained = 0.0;      ///< part of the gap's energy that the effects explain where fitted
   double cutoff = 0.0;
