@@ -315,6 +315,11 @@ TEST(TorqueEstimator, RefusesOptionsOutOfRange) {
   EXPECT_THROW(TorqueEstimator<6>{robot}, Error);
   TorqueEstimator<> estimator(robot);
   EXPECT_THROW(estimator.adopt(TorqueModel<>(ur_like())), Error);
+  LinkInertia payload = two_kilograms();
+  payload.com.x() = nan_value;
+  TorqueModel<> model(robot);
+  model.set_payload(payload);
+  EXPECT_THROW(estimator.adopt(model), Error);
 }
 
 }  // namespace

@@ -89,9 +89,11 @@ class TorqueEstimator {
   int size() const noexcept { return n_; }  ///< n
 
   /// From another thread (one at a time): the loop uses `model` from its next cycle on. The residual goes on
-  /// without a jump. Throws Error when it has another number of joints.
+  /// without a jump. Throws Error when it has another number of joints, or a payload or gravity
+  /// that is not finite.
   void adopt(const TorqueModel<N>& model) {
     if (model.size() != n_) throw Error("the model has another number of joints than the estimator");
+    if (!model.finite()) throw Error("the model's payload or gravity is not finite");
     models_.publish(model);
   }
 

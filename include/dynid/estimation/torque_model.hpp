@@ -79,6 +79,9 @@ class TorqueModel {
     model_.set_parameters(loaded_);
   }
 
+  /// Whether inertia, payload and gravity are numbers.
+  bool finite() const noexcept { return loaded_.allFinite() && model_.gravity().allFinite(); }
+
   /// Friction torque [N m], eqs. (24) and (25), with what the compensated effects add. dq [rad/s], q [rad]:
   /// n; tau_f: n, written. Neither allocates nor throws.
   void friction(const Vector& q, const Vector& dq, Vector& tau_f) const noexcept {
