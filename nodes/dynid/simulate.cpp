@@ -5,6 +5,7 @@
 
 #include "dynid/command.hpp"
 #include "dynid/commands.hpp"
+#include "dynid/diagnosis/for_simulation.hpp"
 #include "dynid/error.hpp"
 #include "dynid/file.hpp"
 #include "dynid/signal/log.hpp"
@@ -109,7 +110,12 @@ void run(const Arguments& a) {
     throw Error("simulate: one of --trajectory and --excite is required");
   if (a.duration > 0.0 && !a.excite) throw Error("simulate: --duration goes with --excite");
   a.output.check({a.out, a.labels});
-  const Robot robot = a.model.read(a.output).robot;
+  Robot robot = a.model.read(a.output).robot;
+  try {
+    robot = for_simulation(robot);
+  } catch (const Error& error) {
+    throw Error(a.model.path + ": " + error.what());
+  }
   std::vector<Effect> effects;
   for (const std::string& text : a.effects) {
     try {

@@ -3,6 +3,7 @@
 
 #include "dynid/command.hpp"
 #include "dynid/commands.hpp"
+#include "dynid/diagnosis/effect_prediction.hpp"
 #include "dynid/error.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/signal/table.hpp"
@@ -29,7 +30,8 @@ void run(const Arguments& a) {
   if (log.ddq.size() == 0 && log.t.size() == 0)
     throw Error(a.log + ": column t is missing (it is needed where there is no ddq1..ddq" +
                 std::to_string(n) + ")");
-  const PredictedTorque predicted = predict_torque(robot, log, a.cutoff);
+  PredictedTorque predicted = predict_torque(robot, log, a.cutoff);
+  predicted.tau += predict_effects(robot, log, a.cutoff);
 
   std::vector<std::string> names = {"t"};
   for (const char* prefix : {"tau", "tauf"})

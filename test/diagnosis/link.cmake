@@ -1,0 +1,3 @@
+# SPDX-License-Identifier: Apache-2.0
+# Reports are read as XML.
+target_link_libraries(test_diagnosis PRIVATE EXPAT::EXPAT)

@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/diagnose.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "dynid/diagnosis/blind.hpp"
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/error.hpp"
+#include "dynid/file.hpp"
+#include "dynid/identification/identify.hpp"
+#include "dynid/model/robot_file.hpp"
+#include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/random_motion.hpp"
+#include "dynid/simulation/simulate.hpp"
+
+namespace dynid {
+namespace {
+
+const char* data() { return std::getenv("DYNID_DATA"); }
+
+Robot panda() { return read_model_file(DYNID_SOURCE_DIR "/config/panda.yaml").robot; }
+
+SimulateOptions recording(unsigned long seed) {
+  SimulateOptions options;
+  options.measurement = MeasurementOptions::realistic();
+  options.measurement.correlated_noise = 0.0;
+  options.rate = 250.0;
+  options.seed = seed;
+  options.record_torques = false;
+  return options;
+}
+
+std::vector<Log> recorded(const Robot& robot, const std::vector<std::string>& effects, unsigned long seed,
+                          double duration = 12.0) {
+  std::vector<Effect> parsed;
+  for (const std::string& e : effects) parsed.push_back(parse_effect(e, robot));
+  std::vector<Log> logs;
+  for (unsigned long k = 0; k < 2; ++k)
+    logs.push_back(
+        simulate(robot, parsed, random_motion(robot, duration, seed + k), recording(seed + k)).log);
+  return logs;
+}
+
+double value(const FoundEffect& found, const std::string& key, int index = 0) {
+  return found.effect.parameters.at(key).at(static_cast<std::size_t>(index));
+}
+
+// Law: what parameters() says of coefficients and shape, restore() takes back, for every effect.
+TEST(Hypotheses, ParametersSayEverything) {
+  const Robot robot = panda();
+  ASSERT_EQ(hypotheses().size(), 22U);
+  for (const auto& h : hypotheses()) {
+    SCOPED_TRACE(h->name());
+    const int unit = h->scope() == Scope::arm ? 0 : 3;
+    Eigen::VectorXd shape(static_cast<Eigen::Index>(h->shape().size()));
+    for (Eigen::Index k = 0; k < shape.size(); ++k) {
+      const ShapeParameter p = h->shape()[static_cast<std::size_t>(k)];
+      shape[k] = h->scope() == Scope::window ? 1.0 + double(k) : 0.5 * (p.low + p.high);
+    }
+    Log log;
+    log.t = Eigen::VectorXd::LinSpaced(200, 0.0, 2.0);
+    Segment segment{100.0, log.t, {}, {}, {}, {}};
+    segment.q = Eigen::MatrixXd::Random(200, 7) * 0.3;
+    segment.dq = Eigen::MatrixXd::Random(200, 7);
+    segment.ddq = Eigen::MatrixXd::Random(200, 7);
+    segment.tau = Eigen::MatrixXd::Zero(200, 7);
+    const GapMotion motion(robot, segment, 0.0);
+    const ColumnBlock block = h->columns(motion, unit, shape);
+    Eigen::VectorXd c = Eigen::VectorXd::LinSpaced(block.values[0].cols(), 0.3, 0.7);
+    if (h->shape_only()) c.setOnes();
+    Effect effect;
+    effect.name = h->name();
+    effect.joints = h->joints(robot, unit);
+    for (const NamedValue& v : h->parameters(robot, unit, c, shape)) {
+      std::vector<double>& numbers = effect.parameters[v.key];
+      numbers.assign(v.per_joint ? 7U : static_cast<std::size_t>(v.value.size()), 0.0);
+      if (v.per_joint)
+        numbers[static_cast<std::size_t>(unit)] = v.value[0];
+      else
+        std::copy(v.value.begin(), v.value.end(), numbers.begin());
+    }
+    Eigen::VectorXd back, back_shape;
+    h->restore(robot, effect, unit, back, back_shape);
+    if (!h->shape_only()) {
+      EXPECT_TRUE(back.isApprox(c, 1e-9)) << back.transpose() << " for " << c.transpose();
+    }
+    EXPECT_TRUE(back_shape.isApprox(shape, 1e-9) || shape.size() == 0);
+    // Carried by a model file, it makes the torque of its columns.
+    Robot patched_robot = robot;
+    patched_robot.effects = {effect};
+    const Eigen::MatrixXd tau = effect_torque(patched_robot, motion);
+    for (std::size_t k = 0; k < block.channels.size(); ++k)
+      EXPECT_LT((tau.col(block.channels[k]) - block.values[k] * c).norm(), 1e-9 * (1.0 + tau.norm()));
+  }
+}
+
+struct Known {
+  const char* effect;
+  const char* name;
+  const char* key;
+  int index;
+  double truth, tolerance;
+};
+class Diagnoses : public testing::TestWithParam<Known> {};
+
+// One effect of the plant, in the plant's own form: named, measured, and gone from the held-out log.
+TEST_P(Diagnoses, NamesTheEffect) {
+  const Known& k = GetParam();
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot, {k.effect}, 31));
+  ASSERT_EQ(d.verdict, Verdict::explained) << to_string(d.verdict) << ", explained " << d.explained;
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(d.effects[0].effect.name, k.name);
+  EXPECT_NEAR(value(d.effects[0], k.key, k.index), k.truth, k.tolerance * std::abs(k.truth));
+  EXPECT_GT(d.shrink.fraction, 0.9);
+  EXPECT_LE(d.shrink.low, d.shrink.fraction);
+  EXPECT_GE(d.shrink.high, d.shrink.fraction);
+}
+INSTANTIATE_TEST_SUITE_P(
+    Plant, Diagnoses,
+    testing::Values(
+        Known{"coulomb_friction:joints=2+4,coefficient=0.9", "coulomb_friction", "coefficient", 1, 0.9, 0.1},
+        Known{"viscous_friction:joints=3,coefficient=1.5", "viscous_friction", "coefficient", 2, 1.5, 0.05},
+        Known{"gravity_tilt:angle_deg=2", "gravity_tilt", "angle_deg", 0, 2.0, 0.05},
+        Known{"joint_spring:joints=1+5,stiffness=2,rest=0.2", "joint_spring", "stiffness", 4, 2.0, 0.05},
+        Known{"torque_offset:joints=4,offset=1.2", "torque_offset", "offset", 3, 1.2, 0.05},
+        Known{"time_delay:delay_s=0.02", "time_delay", "delay_s", 0, 0.02, 0.1},
+        Known{"rotor_inertia:joints=5,armature=0.3", "rotor_inertia", "armature", 4, 0.3, 0.05},
+        Known{"torque_ripple:joints=2,amplitude=0.8,order=9", "torque_ripple", "order", 1, 9.0, 0.02},
+        Known{"encoder_offset:joints=4,offset=0.05", "encoder_offset", "offset", 3, 0.05, 0.1}),
+    [](const auto& known) { return std::string(known.param.name); });
+
+TEST(Diagnose, PayloadHasItsMassAndCentre) {
+  const Robot robot = panda();
+  const std::vector<Log> logs = recorded(robot, {"payload:mass=1.5,com=0.02:-0.03:0.06"}, 5);
+  const Diagnosis d = diagnose(robot, logs);
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(d.effects[0].effect.name, "payload");
+  EXPECT_NEAR(value(d.effects[0], "mass"), 1.5, 0.02);
+  // The patched model predicts what the nominal one does not.
+  const Robot better = patched(robot, d.effects);
+  EXPECT_NEAR(better.joints.back().parameters[0] - robot.joints.back().parameters[0], 1.5, 0.02);
+}
+
+TEST(Diagnose, ContactIsFoundInItsWindow) {
+  const Robot robot = panda();
+  const Diagnosis d =
+      diagnose(robot, recorded(robot, {"external_contact:link=7,force=15:0:-15,start=4,duration=1.2"}, 8));
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+  EXPECT_NEAR(value(d.effects[0], "start"), 4.0, 0.2);
+  EXPECT_NEAR(value(d.effects[0], "start") + value(d.effects[0], "duration"), 5.2, 0.2);
+}
+
+TEST(Diagnose, NoGapHasNoEffect) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot, {}, 77));
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected);
+}
+
+// An effect that was taken out of the library is not given another's name.
+TEST(Diagnose, WhatIsNotInTheLibraryIsUnexplained) {
+  const Robot robot = panda();
+  std::vector<Log> logs = recorded(robot, {}, 12);
+  for (Log& log : logs)
+    for (Eigen::Index i = 0; i < log.samples(); ++i) log.tau(i, 4) += 1.5 * std::sin(4.6 * log.t[i]);
+  const Diagnosis d = diagnose(robot, logs);
+  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_TRUE(d.effects.empty());
+}
+
+// Law: the same motion in mirrored time has the same even effects; joints read in other words (another
+// zero and another sense of a joint) have the same effect with its sign.
+TEST(Diagnose, AReversedMotionTellsTheSame) {
+  const Robot robot = panda();
+  // A spring and an offset are even: the reversed log is one of the same robot. Friction in it is not, so the
+  // nominal has none.
+  Robot smooth = robot;
+  for (Joint& joint : smooth.joints) joint.friction = {};
+  std::vector<Log> logs = recorded(smooth, {"joint_spring:joints=3,stiffness=1.5,rest=0.1"}, 21);
+  const Diagnosis forwards = diagnose(smooth, logs);
+  for (Log& log : logs) {
+    log.t = (log.t[log.samples() - 1] - log.t.array()).reverse().eval();
+    log.q = log.q.colwise().reverse().eval();
+    log.dq = -log.dq.colwise().reverse().eval();
+    log.tau = log.tau.colwise().reverse().eval();
+  }
+  const Diagnosis backwards = diagnose(smooth, logs);
+  ASSERT_FALSE(forwards.effects.empty());
+  ASSERT_FALSE(backwards.effects.empty());
+  EXPECT_EQ(forwards.effects[0].effect.name, "joint_spring");
+  EXPECT_EQ(backwards.effects[0].effect.name, "joint_spring");
+  EXPECT_EQ(forwards.effects[0].effect.joints, backwards.effects[0].effect.joints);
+  EXPECT_NEAR(value(forwards.effects[0], "stiffness", 2), value(backwards.effects[0], "stiffness", 2), 0.03);
+}
+
+// Law: the units of torque are a matter of taste.
+TEST(Diagnose, ScaledUnitsTellTheSame) {
+  Robot robot = panda();
+  std::vector<Log> logs = recorded(robot, {"viscous_friction:joints=2,coefficient=1.2"}, 41);
+  const Diagnosis metric = diagnose(robot, logs);
+  constexpr double scale = 8.0;  // a power of two: the same digits
+  for (Log& log : logs) log.tau *= scale;
+  robot.set_parameters(scale * robot.parameters());
+  for (Joint& joint : robot.joints) joint.friction.sigmoid.phi1 *= scale;
+  const Diagnosis other = diagnose(robot, logs);
+  ASSERT_FALSE(metric.effects.empty());
+  ASSERT_FALSE(other.effects.empty());
+  EXPECT_EQ(metric.effects[0].effect.name, other.effects[0].effect.name);
+  EXPECT_NEAR(value(other.effects[0], "coefficient", 1), scale * value(metric.effects[0], "coefficient", 1),
+              1e-3);
+  EXPECT_NEAR(metric.shrink.fraction, other.shrink.fraction, 1e-3);
+}
+
+// Law: the same result whatever runs beside it.
+TEST(Diagnose, TheSameForASeed) {
+  const Robot robot = panda();
+  const std::vector<Log> logs = recorded(robot, {"coulomb_friction:joints=6,coefficient=0.7"}, 3);
+  const Diagnosis a = diagnose(robot, logs), b = diagnose(robot, logs);
+  ASSERT_EQ(a.effects.size(), b.effects.size());
+  EXPECT_EQ(a.p_value, b.p_value);
+  for (std::size_t k = 0; k < a.effects.size(); ++k) {
+    EXPECT_EQ(a.effects[k].effect.parameters, b.effects[k].effect.parameters);
+    EXPECT_EQ(a.effects[k].probability, b.effects[k].probability);
+  }
+}
+
+TEST(Diagnose, BadInputIsNamed) {
+  const Robot robot = panda();
+  EXPECT_THROW(diagnose(robot, {}), Error);
+  Log wrong;
+  wrong.source = "six";
+  wrong.t = Eigen::VectorXd::LinSpaced(500, 0.0, 2.0);
+  wrong.q = wrong.dq = wrong.tau = Eigen::MatrixXd::Random(500, 6);
+  EXPECT_THROW(diagnose(robot, {wrong}), Error);
+}
+
+// A small bank, end to end: the labels are opened last, and the figures add up. Longer ones are run with
+// `dynid blind`; their results stand in the README.
+TEST(Blind, ASmallBankAddsUp) {
+  BlindOptions options;
+  options.cases = 6;
+  options.seed = 5;
+  options.folder = testing::TempDir() + "/blind";
+  const std::vector<BlindCase> cases = run_blind(panda(), options);
+  const BlindScore s = score(cases);
+  EXPECT_EQ(s.cases + s.failures, 6);
+  EXPECT_EQ(s.no_gap + s.known + s.unknown, s.cases);
+  EXPECT_LE(s.first_right, s.known);
+  EXPECT_EQ(s.false_alarms, 0);
+}
+
+// ../shared data: logs of another physics engine.
+class GapExamples : public testing::TestWithParam<int> {};
+TEST_P(GapExamples, AreNamed) {
+  if (data() == nullptr) GTEST_SKIP() << "DYNID_DATA is not set";
+  const std::string folder = std::string(data()) + "/gap_examples/";
+  char name[32];
+  std::snprintf(name, sizeof name, "example_%02d", GetParam());
+  const nlohmann::json labels = nlohmann::json::parse(read_file(folder + "labels.json"))[name];
+  const Robot robot = panda();
+  const Diagnosis d =
+      diagnose(robot, {read_log(folder + name + "/log_a.csv", 7), read_log(folder + name + "/log_b.csv", 7)});
+  if (labels.empty()) {
+    EXPECT_TRUE(d.effects.empty());
+    return;
+  }
+  if (labels[0]["name"] == "unknown") {
+    EXPECT_EQ(d.verdict, Verdict::unexplained);
+    return;
+  }
+  ASSERT_EQ(d.effects.size(), labels.size());
+  EXPECT_GE(d.shrink.fraction, 0.9);
+  for (const nlohmann::json& label : labels) {
+    const auto found = std::find_if(d.effects.begin(), d.effects.end(),
+                                    [&](const FoundEffect& f) { return f.effect.name == label["name"]; });
+    ASSERT_NE(found, d.effects.end()) << label["name"];
+    EXPECT_EQ(found->effect.joints, label["joints"].get<std::vector<int>>());
+    for (const auto& [key, truth] : label["parameters"].items()) {
+      const std::vector<double> expected =
+          truth.is_array() ? truth.get<std::vector<double>>() : std::vector<double>{truth.get<double>()};
+      const std::vector<double>& got = found->effect.parameters.at(key);
+      ASSERT_EQ(got.size(), expected.size()) << key;
+      const double tolerance = key == "mass" ? 0.05 : 0.15;
+      for (std::size_t k = 0; k < got.size(); ++k) {
+        if (got[k] == 0.0 || std::abs(expected[k]) < 0.01) continue;  // joints not concerned; a com near zero
+        EXPECT_NEAR(got[k], expected[k], tolerance * std::abs(expected[k])) << key << " " << k + 1;
+      }
+    }
+  }
+}
+INSTANTIATE_TEST_SUITE_P(RealData, GapExamples, testing::Range(0, 12));
+
+TEST(RealData, LoadOfTheUr10eIsAPayload) {
+  if (data() == nullptr) GTEST_SKIP() << "DYNID_DATA is not set";
+  const std::string folder = std::string(data()) + "/ur10e_real/";
+  const Robot robot = read_model_file(folder + "ur10e.urdf").robot;
+  IdentifyOptions options;
+  options.rotor_inertia = true;
+  options.prepare.cutoff = 6.0;
+  options.validate = false;
+  const Robot identified = identify(robot, {read_log(folder + "unloaded.csv", 6)}, {}, options).robot;
+  const Diagnosis loaded = diagnose(identified, {read_log(folder + "loaded.csv", 6)});
+  ASSERT_FALSE(loaded.effects.empty());
+  EXPECT_EQ(loaded.effects[0].effect.name, "payload");
+  EXPECT_NEAR(value(loaded.effects[0], "mass"), 2.8, 0.4);  // true: 2.805 kg
+  EXPECT_GE(loaded.shrink.fraction, 0.8);
+  const Diagnosis other = diagnose(identified, {read_log(folder + "unloaded_other_trajectory.csv", 6)});
+  for (const FoundEffect& e : other.effects) EXPECT_NE(e.effect.name, "payload");
+}
+
+TEST(RealData, FrictionTakenOutOfThePandaIsFound) {
+  if (data() == nullptr) GTEST_SKIP() << "DYNID_DATA is not set";
+  Robot robot = panda();
+  for (Joint& joint : robot.joints) joint.friction = {};
+  const Diagnosis d = diagnose(robot, {read_log(std::string(data()) + "/panda_real/exciting.csv", 7)});
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_NE(d.effects[0].effect.name.find("friction"), std::string::npos) << d.effects[0].effect.name;
+  EXPECT_GE(d.shrink.fraction, 0.5);
+  std::vector<std::pair<double, int>> shares(7);
+  for (int j = 0; j < 7; ++j) shares[static_cast<std::size_t>(j)] = {0.0, j + 1};
+  for (const GapCell& cell : d.where) shares[static_cast<std::size_t>(cell.joint - 1)].first += cell.share;
+  std::sort(shares.rbegin(), shares.rend());
+  std::vector<int> largest = {shares[0].second, shares[1].second, shares[2].second};
+  std::sort(largest.begin(), largest.end());
+  EXPECT_EQ(largest, (std::vector<int>{4, 5, 7}));
+  bool lag = false;
+  for (const DataIssue& issue : d.logs[0].report.issues)
+    if (issue.name == "velocity_lag") {
+      lag = true;
+      EXPECT_NEAR(issue.value, 0.005, 0.0005);
+    }
+  EXPECT_TRUE(lag);
+  for (const FoundEffect& e : d.effects) {
+    EXPECT_NE(e.effect.name, "time_delay");
+    EXPECT_NE(e.effect.name, "thermal_friction_drift");
+  }
+}
+
+}  // namespace
+}  // namespace dynid
