@@ -58,6 +58,7 @@ void run(const Arguments& a) {
   if (temporary) fs::remove_all(options.folder);
   const BlindScore s = score(cases);
   nlohmann::json result = {{"cases", s.cases},
+                           {"failures", s.failures},
                            {"seed", options.seed},
                            {"no_gap", s.no_gap},
                            {"false_alarms", s.false_alarms},

@@ -332,7 +332,7 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
   std::vector<Adopted> proposed(library_.size());
   tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
     for (const Adopted& e : base.effects)
-      if (e.h == library_[k] && e.h->scope() != Scope::link && e.h->scope() != Scope::window) return;
+      if (e.h == library_[k]) return;  // once each: another joint of it is a matter of the first choice
     proposed[k] = propose(*library_[k], grids_[k], base);
   });
   std::vector<Adopted> useful;

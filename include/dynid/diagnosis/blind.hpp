@@ -43,6 +43,7 @@ struct BlindCase {
 
 /// The figures of the check over a bank.
 struct BlindScore {
+  int failures = 0;  ///< cases that threw; counted nowhere else
   int cases = 0, no_gap = 0, false_alarms = 0;
   int known = 0, first_right = 0, class_right = 0, joints_right = 0;  ///< cases with effects of the library
   int unknown = 0, abstained = 0;                                     ///< cases with effects not of it

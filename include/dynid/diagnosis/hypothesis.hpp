@@ -47,6 +47,8 @@ class Hypothesis {
   virtual std::vector<ShapeParameter> shape() const { return {}; }
   /// The coefficients are all 1: the shape parameters say everything.
   virtual bool shape_only() const { return false; }
+  /// Bound to the clock of its log: it does not come back alike in another one.
+  virtual bool once() const { return false; }
   /// How likely it is before the data are seen, relative to the others; for one that contains another as a
   /// special case, or can nearly imitate it, less than 1.
   virtual double prior() const { return 1.0; }

@@ -85,8 +85,8 @@ std::vector<NamedValue> OwnTorque::parameters(const Robot&, int, const Eigen::Ve
 
 void OwnTorque::restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                         Eigen::VectorXd& shape) const {
-  c.resize(static_cast<Eigen::Index>(coefficients_.size()));
-  for (Eigen::Index k = 0; k < c.size(); ++k)
+  c = Eigen::VectorXd::Ones(shape_only() ? 1 : static_cast<Eigen::Index>(coefficients_.size()));
+  for (Eigen::Index k = 0; k < c.size() && !shape_only(); ++k)
     c[k] = joint_value(robot, effect, coefficients_[static_cast<std::size_t>(k)].key, unit);
   const std::vector<ShapeParameter> shapes = this->shape();
   shape.resize(static_cast<Eigen::Index>(shapes.size()));

@@ -21,6 +21,9 @@ class GearCoupling : public Hypothesis {
         motion.ddq.col(unit) + shape[0] * motion.ddq.col(unit + 1);
     return {{unit, unit + 1}, {own, shape[0] * own}};
   }
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return c.minCoeff() > -0.05 * c.cwiseAbs().maxCoeff();  // a shaft takes power, and has mass
+  }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
     const auto one = [](double x) { return Eigen::VectorXd::Constant(1, x); };

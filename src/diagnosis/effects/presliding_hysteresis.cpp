@@ -10,7 +10,7 @@ namespace {
 class PreslidingHysteresis : public OwnTorque {
  public:
   PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
-  std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.004, 0.4, 7, true}}; }
+  std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.01, 0.4, 6, true}}; }
   double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
 
  protected:

@@ -9,6 +9,7 @@ namespace {
 class ThermalFrictionDrift : public OwnTorque {
  public:
   ThermalFrictionDrift() : OwnTorque("thermal_friction_drift", {{"coefficient", "N m s/rad"}}) {}
+  bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 15.0, 5, true}}; }
   double prior() const override { return 0.4; }
 
