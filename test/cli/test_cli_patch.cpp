@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -40,7 +41,8 @@ class PatchCommand : public ::testing::Test {
               0)
         << error_;
     double sum = 0.0;
-    for (const double x : nlohmann::json::parse(read_file(path("t.json")))["rms_difference"]) sum += x * x;
+    const auto json = nlohmann::json::parse(read_file(path("t.json")));
+    for (const double x : json["rms_difference"]) sum += x * x;
     return std::sqrt(sum);
   }
 
