@@ -190,7 +190,7 @@ NextExperiment without_alias(const Diagnosis& d) {
     case Verdict::not_detected:
       next.text =
           "What differs is within what noise and an inexact model may make. A longer log, or one that moves "
-          "every joint faster and through more of its range, would show an effect a third of this size.";
+          "every joint faster and through more of its range, shows smaller effects.";
       break;
     case Verdict::explained:
       next.text = "Nothing is needed: no other effect of the catalogue explains these logs as well.";
