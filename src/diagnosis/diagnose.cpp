@@ -32,7 +32,7 @@ constexpr double temperature = 4.0;  // of the scores, see docs/diagnosis.md
 // and where it is off (its errors are held by a few directions only).
 constexpr double interval_factor = 1.4, interval_factor_off = 2.2;
 constexpr double floor_room = 3.0;                               // coloured noise in parts of the white floor
-constexpr double least_explained = 0.75, fully_explained = 0.9;  // parts of the gap's energy
+constexpr double least_explained = 0.65, fully_explained = 0.9;  // parts of the gap's energy
 constexpr double doubt = 0.01;         // that none of what was compared is right, at least
 constexpr double detection = 0.05;     // p-value of a gap
 constexpr double block_seconds = 1.0;  // of held-out blocks and of the bootstrap

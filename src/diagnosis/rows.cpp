@@ -11,6 +11,7 @@ namespace {
 
 constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a stretch
 constexpr Eigen::Index directions = 24;  // of the nuisance, at most
+constexpr double least_floor = 1e-4;     // of the largest load
 constexpr double usual_lateness = 1e-3;  // [s] of stamps
 
 }  // namespace
@@ -81,6 +82,9 @@ void GapRows::find_white_floor() {
     samples += double(size);
   }
   white_floor = (white_floor / std::max(1.0, samples)).cwiseSqrt();
+  // Interpolation and filters are no better than this, however clean the log.
+  const Eigen::VectorXd size = (load.colwise().squaredNorm() / double(load.rows())).cwiseSqrt().transpose();
+  white_floor = white_floor.cwiseMax(least_floor * size.maxCoeff());
 }
 
 GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)

@@ -95,10 +95,12 @@ class CommandLine : public ::testing::Test {
 
 TEST_F(CommandLine, HelpHasAnExampleForEveryCommand) {
   EXPECT_EQ(run("--help"), 0);
-  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "export"}) {
+  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "excite", "simulate",
+                              "diagnose", "blind", "export"}) {
     EXPECT_NE(out_.find(command), std::string::npos);
   }
-  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "export"}) {
+  for (const char* command : {"info", "identify", "reverse", "torque", "retrieve", "excite", "simulate",
+                              "diagnose", "blind", "export"}) {
     EXPECT_EQ(run(std::string(command) + " --help"), 0);
     EXPECT_NE(out_.find("Example: dynid "), std::string::npos) << command;
   }
