@@ -116,10 +116,17 @@ SimulateOptions plant_options(const BlindOptions& options, unsigned long seed) {
   return plant;
 }
 
-nlohmann::json label_json(const Draw& draw) {
+/// The truth in the words of the diagnosis: a payload's centre of mass in the last link's frame.
+nlohmann::json label_json(const Robot& robot, const Draw& draw) {
   nlohmann::json label = nlohmann::json::array();
-  for (const Effect& e : draw.effects)
+  for (Effect e : draw.effects) {
+    if (e.name == "payload") {
+      std::vector<double>& com = e.parameters.at("com");
+      const Eigen::Vector3d there = robot.tip * Eigen::Vector3d(com[0], com[1], com[2]);
+      com.assign(there.begin(), there.end());
+    }
     label.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
+  }
   if (!draw.unknown.empty()) {
     std::vector<int> joints = draw.unknown_joints;
     for (int& j : joints) ++j;
@@ -173,7 +180,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
           // The draw is forgotten before the diagnosis begins; the label goes to the sealed folder.
           const Draw draw = draw_case(nominal, options, static_cast<int>(k), attempt);
           record(nominal, options, draw, folder.string());
-          write_file((sealed / (name + ".json")).string(), label_json(draw).dump(1) + "\n");
+          write_file((sealed / (name + ".json")).string(), label_json(nominal, draw).dump(1) + "\n");
           withhold = draw.withheld;
           break;
         } catch (const Error&) {

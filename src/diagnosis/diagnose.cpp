@@ -27,7 +27,6 @@ using detail::UnitShape;
 
 namespace {
 
-constexpr double temperature = 4.0;  // of the scores, see docs/diagnosis.md
 // Standard deviations, as measured on simulated cases, are short by this: where the nominal model is right,
 // and where it is off (its errors are held by a few directions only).
 constexpr double interval_factor = 1.4, interval_factor_off = 2.2;
@@ -429,15 +428,15 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       const std::string name = m.effects.back().h->name();
       double& best = scores.emplace(name, m.score).first->second;
       best = std::max(best, m.score);
-      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - temperature)
+      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - detail::score_temperature)
         found.aliases.push_back(name);
     }
     double sum = 0.0;
-    for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / temperature);
+    for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / detail::score_temperature);
     found.probability = (1.0 - doubt) / sum;
     if (k == order.front())
       for (const auto& [name, s] : scores)
-        ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / temperature) / sum;
+        ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / detail::score_temperature) / sum;
     found.share = total_share > 0.0 ? shares[k] / total_share : 0.0;
     if (adopt) out.effects.push_back(std::move(found));
   }

@@ -6,14 +6,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 
 namespace dynid::detail {
 namespace {
 
-constexpr double temperature = 4.0;   // scores are log probabilities times this, see docs/diagnosis.md
 constexpr double joint_gain = 6.0;    // log evidence that a further joint of an effect has to bring
 constexpr double effect_gain = 10.0;  // and a further effect
 constexpr double least_part = 0.02;   // of the explained energy that a further effect has to make
@@ -88,7 +85,7 @@ double Search::cost(const Adopted& effect) const {
   const auto shapes = static_cast<double>(effect.h->shape().size());
   // Each coefficient and each shape parameter by Schwarz, the choice of joints by its number of outcomes.
   double cost = (0.5 * sample + 1.5) * (double(effect.coefficients()) + units * shapes) -
-                temperature * std::log(effect.h->prior());
+                score_temperature * std::log(effect.h->prior());
   if (effect.h->scope() == Scope::window) cost += 2.0 * sample;
   if (effect.h->scope() != Scope::arm) cost += units * std::log(double(rows_.joints()));
   return cost;
@@ -123,8 +120,7 @@ double Search::unit_gain(const Hypothesis& h, const RowBlock& block, const GapMo
   return fit_terms(rows_, base.fit.left, {{&block, h.shape_only()}}, base.kappa).total - base.fit.total;
 }
 
-UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const std::vector<GridPoint>& grid,
-                          const GapModel& base) const {
+UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const GapModel& base) const {
   const std::vector<ShapeParameter> shape = h.shape();
   if (shape.empty() || h.scope() == Scope::window) return unit;
   double best = unit_gain(h, *unit.block, base);
@@ -163,7 +159,6 @@ UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const std::vector
       if (fb > best) best = fb, unit = at_b;
     }
   }
-  (void)grid;
   return unit;
 }
 
@@ -181,7 +176,7 @@ Adopted Search::propose_own(const Hypothesis& h, const Grid& grid, const GapMode
         (0.5 * sample + 1.5) * double((h.shape_only() ? 0 : point->block->size()) + point->shape.size()) +
         std::log(double(rows_.joints()));
     if (best - price < -0.5 * joint_gain && !effect.units.empty()) continue;
-    UnitShape unit = refined(h, {static_cast<int>(u), point->shape, point->block}, grid[u], base);
+    UnitShape unit = refined(h, {static_cast<int>(u), point->shape, point->block}, base);
     const double gain = unit_gain(h, *unit.block, base) - price;
     if (!h.shape_only()) {
       const ChannelFit fit =
@@ -214,7 +209,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Gap
     gains[u] = most - price(best[u]);
   });
   const auto first = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-  best[first] = refined(h, best[first], grid[first], base);
+  best[first] = refined(h, best[first], base);
   effect.units = {best[first]};
   effect.gain = unit_gain(h, *best[first].block, base) - price(best[first]);
   if (h.scope() == Scope::joint) {
@@ -392,19 +387,8 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
 
 GapModel Search::best(double kappa, int most) const {
   GapModel model = none(kappa);
-  const double all = model.fit.left.squaredNorm();
-  (void)all;
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
-    if (std::getenv("DYNID_DEBUG")) {
-      std::printf("kappa %g base %.1f\n", kappa, model.score);
-      for (const GapModel& m : next) {
-        std::printf("   %.1f %s(gain %.1f)", m.score, m.effects.back().h->name().c_str(),
-                    m.effects.back().gain);
-        for (const UnitShape& u : m.effects.back().units) std::printf(" %d", u.unit + 1);
-        std::printf("\n");
-      }
-    }
     if (next.empty() || next[0].score < model.score + effect_gain) break;
     // In units of the noise: a further effect has to matter beside those before it.
     double before = 0.0, gained = 0.0;

@@ -10,6 +10,9 @@
 
 namespace dynid::detail {
 
+/// Scores are log probabilities times this, see docs/diagnosis.md.
+constexpr double score_temperature = 4.0;
+
 /// One unit of an effect, at one shape.
 struct UnitShape {
   int unit = 0;
@@ -67,8 +70,7 @@ class Search {
   Adopted propose_own(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
   Adopted propose_coupled(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
   Adopted propose_window(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
-  UnitShape refined(const Hypothesis& h, UnitShape unit, const std::vector<GridPoint>& grid,
-                    const GapModel& base) const;
+  UnitShape refined(const Hypothesis& h, UnitShape unit, const GapModel& base) const;
   double unit_gain(const Hypothesis& h, const RowBlock& block, const GapModel& base) const;
   UnitShape made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
 
