@@ -256,7 +256,7 @@ TEST(Blind, ASmallBankAddsUp) {
   EXPECT_EQ(s.false_alarms, 0);
 }
 
-// ../shared data: logs of another physics engine.
+// Logs of another physics engine, with what was put in.
 class GapExamples : public testing::TestWithParam<int> {};
 TEST_P(GapExamples, AreNamed) {
   if (data() == nullptr) GTEST_SKIP() << "DYNID_DATA is not set";
