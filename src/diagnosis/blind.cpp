@@ -223,7 +223,6 @@ BlindScore score(const std::vector<BlindCase>& cases) {
   BlindScore s;
   std::vector<double> errors, shrinks;
   std::vector<double> bin_sum(10, 0.0), bin_right(10, 0.0);
-  std::vector<int> bin_count(10, 0);
   int judged = 0;
   for (const BlindCase& c : cases) {
     if (!c.failure.empty()) {
@@ -277,7 +276,6 @@ BlindScore score(const std::vector<BlindCase>& cases) {
     if (first != nullptr) {
       ++judged;
       const auto bin = static_cast<std::size_t>(std::clamp(first->probability * 10.0, 0.0, 9.0));
-      ++bin_count[bin];
       bin_sum[bin] += first->probability;
       bin_right[bin] += right ? 1.0 : 0.0;
       if (!right && first->probability >= 0.9) ++s.confident_wrong;

@@ -286,6 +286,10 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     if (options.progress) options.progress(stage, fraction);
   };
   if (logs.empty()) throw Error("diagnosis: no log");
+  for (const Log& log : logs)
+    if (log.joints() != nominal.size())
+      throw Error(log.source + ": " + std::to_string(log.joints()) + " joints, the model has " +
+                  std::to_string(nominal.size()));
   Diagnosis out;
   say("checking the data", 0.0);
   PrepareOptions prepare_options;

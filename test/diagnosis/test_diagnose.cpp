@@ -175,8 +175,7 @@ TEST(Diagnose, WhatIsNotInTheLibraryIsUnexplained) {
   EXPECT_TRUE(d.effects.empty());
 }
 
-// Law: the same motion in mirrored time has the same even effects; joints read in other words (another
-// zero and another sense of a joint) have the same effect with its sign.
+// Law: the same motion in mirrored time has the same even effects.
 TEST(Diagnose, AReversedMotionTellsTheSame) {
   const Robot robot = panda();
   // A spring and an offset are even: the reversed log is one of the same robot. Friction in it is not, so the
@@ -218,7 +217,7 @@ TEST(Diagnose, ScaledUnitsTellTheSame) {
   EXPECT_NEAR(metric.shrink.fraction, other.shrink.fraction, 1e-3);
 }
 
-// Law: the same result whatever runs beside it.
+// Law: the same digits for the same seed.
 TEST(Diagnose, TheSameForASeed) {
   const Robot robot = panda();
   const std::vector<Log> logs = recorded(robot, {"coulomb_friction:joints=6,coefficient=0.7"}, 3);
@@ -238,7 +237,12 @@ TEST(Diagnose, BadInputIsNamed) {
   wrong.source = "six";
   wrong.t = Eigen::VectorXd::LinSpaced(500, 0.0, 2.0);
   wrong.q = wrong.dq = wrong.tau = Eigen::MatrixXd::Random(500, 6);
-  EXPECT_THROW(diagnose(robot, {wrong}), Error);
+  try {
+    diagnose(robot, {wrong});
+    FAIL() << "six joints for a model of seven";
+  } catch (const Error& error) {
+    EXPECT_STREQ(error.what(), "six: 6 joints, the model has 7");
+  }
 }
 
 // A small bank, end to end: the labels are opened last, and the figures add up. Longer ones are run with

@@ -36,7 +36,7 @@ struct BlindCase {
   double p_value = 1.0, explained = 0.0;
   std::vector<FoundEffect> found;
   std::vector<std::pair<std::string, double>> ranking;
-  double shrink = 0.0, true_shrink = 0.0;  ///< of the diagnosis, and of the truth's own torque
+  double shrink = 0.0;  ///< of the diagnosis, on the log that took no part
   double seconds = 0.0;
   std::string failure;  ///< what was thrown, if anything
 };
@@ -52,7 +52,7 @@ struct BlindScore {
   double calibration_error = 0.0;  ///< ECE of the first effect's probability, ten bins
   int intervals = 0, covered = 0;  ///< 90 % intervals of the first effect's parameters, where right
   double parameter_error = 0.0;    ///< median relative error of those parameters
-  double shrink = 0.0;             ///< median of the shrink in parts of what the truth gives
+  double shrink = 0.0;             ///< median over the cases with effects of the library
   std::map<std::string, std::map<std::string, int>> confusion;  ///< truth, named
 };
 

@@ -81,7 +81,7 @@ struct Diagnosis {
   Rollout rollout;
   NextExperiment next;
   double nominal_error = 0.0;  ///< relative error of the nominal parameters that the data ask for
-  double explained = 0.0;      ///< part of the gap's energy that the effects explain where fitted
+  double explained = 0.0;      ///< least part of the gap's energy that they explain, fitted or held out
   double cutoff = 0.0;
   double seconds = 0.0;
 };

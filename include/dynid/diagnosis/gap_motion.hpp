@@ -33,10 +33,10 @@ class GapMotion {
   /// ddq): N x n [N m].
   Eigen::MatrixXd along(const Eigen::MatrixXd& d_q, const Eigen::MatrixXd& d_dq,
                         const Eigen::MatrixXd& d_ddq) const;
-  /// Torques of the rigid body under a gravity [m/s^2] of 1 along an axis of the base frame: N x n.
+  /// What a gravity vector [m/s^2], in the base frame, adds to the rigid body's torque: N x n [N m].
   Eigen::MatrixXd gravity_columns(const Eigen::Vector3d& gravity) const;
   /// J^T of the origin of link `link` (from 0), for a force and a moment in the axes of the base frame: rows
-  /// of joint `joint`, N x 6.
+  /// of joint `joint`, N x 6. The first call makes them all: not from two threads at once.
   Eigen::MatrixXd wrench_columns(int link, int joint) const;
 
  private:
