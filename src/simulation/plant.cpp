@@ -22,6 +22,7 @@ class Plant::Impl {
 
   void reset(const VectorXd& q, const VectorXd& dq, const VectorXd& tau);
   void step(const VectorXd& tau_cmd, double dt);
+  void set_tip_wrench(const Eigen::Matrix<double, 6, 1>& wrench, bool tip_axes);
   void effect_torques(Eigen::MatrixXd& torques);
 
   int n_;
@@ -68,11 +69,13 @@ class Plant::Impl {
   bool elastic_ = false;
   Eigen::MatrixXd inertia_;  // constant part of the mass matrix: rotors, coupled shafts
   VectorXd encoder_offset_;
+  Eigen::Matrix<double, 6, 1> wrench_ = Eigen::Matrix<double, 6, 1>::Zero();
+  bool pushed_ = false, tip_axes_ = false;
 
   // Scratch.
   VectorXd from_, to_, drive_, tau_at_, load_, x_, zero_, mobility_, damping_, stiffness_, near_;
   VectorXd q1_, dq1_, theta1_, dtheta1_, a_, b_, before_;
-  Eigen::MatrixXd M_, sensed_;
+  Eigen::MatrixXd M_, J_, sensed_;
   Rates k1_, k2_, k3_, k4_;
   std::vector<Eigen::Isometry3d> links_;
 };
@@ -125,6 +128,7 @@ Plant::Impl::Impl(const Robot& robot, const PlantOptions& options)
     v->setZero(n_);
   for (Rates* k : {&k1_, &k2_, &k3_, &k4_}) k->ddq.setZero(n_), k->ddtheta.setZero(n_);
   M_.setZero(n_, n_);
+  J_.setZero(6, n_);
   sensed_.setZero(n_, static_cast<Eigen::Index>(effects_.size()));
   links_.assign(static_cast<std::size_t>(n_) + 1, Eigen::Isometry3d::Identity());
   reset(zero_, zero_, zero_);
@@ -148,13 +152,23 @@ void Plant::Impl::accelerations(double t, const VectorXd& drive, const VectorXd&
       if (springs_[static_cast<std::size_t>(j)].there)
         tau_at_[j] = spring_torque(j, theta[j] - q[j], dtheta[j] - dq[j]);
   }
-  bool posing = false;
+  bool posing = pushed_ && tip_axes_;
   for (const EffectModel* model : acting_) posing = posing || model->needs_poses(t);
   if (posing) body_->poses(q, links_);
   body_->inverse(q, dq, zero_, load_);
   for (int j = 0; j < n_; ++j) load_[j] += friction_torque(friction_[static_cast<std::size_t>(j)], dq[j]);
   const detail::JointView view = {t, q, dq, tau_at_, links_};
   for (const EffectModel* model : acting_) model->add_torque(view, load_);
+  if (pushed_) {
+    Eigen::Matrix<double, 6, 1> wrench = wrench_;
+    if (tip_axes_) {
+      const auto axes = links_.back().linear();
+      wrench.head<3>() = axes * wrench_.head<3>();
+      wrench.tail<3>() = axes * wrench_.tail<3>();
+    }
+    body_->jacobian(q, J_);
+    load_.noalias() -= J_.transpose() * wrench;
+  }
   body_->mass(q, M_);
   M_ += inertia_;
   rates.ddq = tau_at_ - load_;
@@ -319,6 +333,13 @@ void Plant::Impl::see(bool first) {
   last_ = t_;
 }
 
+void Plant::Impl::set_tip_wrench(const Eigen::Matrix<double, 6, 1>& wrench, bool tip_axes) {
+  if (!wrench.allFinite()) throw Error("plant: the wrench on the tip is not finite");
+  wrench_ = wrench;
+  tip_axes_ = tip_axes;
+  pushed_ = !wrench.isZero(0.0);
+}
+
 void Plant::Impl::effect_torques(Eigen::MatrixXd& torques) {
   torques.setZero(n_, static_cast<Eigen::Index>(effects_.size()));
   // From the motion seen to the true one, an effect at a time, each seen by the final body.
@@ -376,6 +397,9 @@ int Plant::size() const noexcept { return impl_->n_; }
 void Plant::reset(const VectorXd& q, const VectorXd& dq, const VectorXd& tau) { impl_->reset(q, dq, tau); }
 void Plant::reset(const VectorXd& q, const VectorXd& dq) { reset(q, dq, VectorXd::Zero(size())); }
 void Plant::step(const VectorXd& tau_cmd, double dt) { impl_->step(tau_cmd, dt); }
+void Plant::set_tip_wrench(const Eigen::Matrix<double, 6, 1>& wrench, bool tip_axes) {
+  impl_->set_tip_wrench(wrench, tip_axes);
+}
 double Plant::time() const noexcept { return impl_->t_; }
 const VectorXd& Plant::q() const noexcept { return impl_->q_; }
 const VectorXd& Plant::dq() const noexcept { return impl_->dq_; }

@@ -25,6 +25,9 @@ class Compiled : public RigidBody {
   void poses(const Eigen::VectorXd& q, std::vector<Eigen::Isometry3d>& links) noexcept override {
     forward_kinematics(model_, ws_, q, links);
   }
+  void jacobian(const Eigen::VectorXd& q, Eigen::MatrixXd& J) noexcept override {
+    dynid::jacobian(model_, ws_, q, model_.tip(), J);
+  }
 
  private:
   Model<N> model_;

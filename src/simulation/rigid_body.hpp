@@ -20,6 +20,8 @@ class RigidBody {
   virtual void mass(const Eigen::VectorXd& q, Eigen::MatrixXd& M) noexcept = 0;
   /// Poses of the links, and of the tip, in the base frame: n + 1.
   virtual void poses(const Eigen::VectorXd& q, std::vector<Eigen::Isometry3d>& links) noexcept = 0;
+  /// Of the tip's origin, in the axes of the base frame: 6 x n.
+  virtual void jacobian(const Eigen::VectorXd& q, Eigen::MatrixXd& J) noexcept = 0;
 
   static std::unique_ptr<RigidBody> make(const Robot& robot);
 };

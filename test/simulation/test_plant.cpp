@@ -76,6 +76,45 @@ TEST(Plant, KeepsTheEnergyOfASpringInAJoint) {
   EXPECT_LT(worst, 1e-6 * 20.0);
 }
 
+TEST(Plant, WrenchOnTheTipIsInTheEquationOfMotion) {
+  // M ddq + S dq + g + friction = tau + J^T F at every instant, F in either frame's axes.
+  const Robot robot = test::panda();
+  const Model<> model(robot);
+  Workspace<> ws(model);
+  std::mt19937_64 random(5);
+  for (const bool tip_axes : {false, true}) {
+    Plant plant(robot);
+    plant.reset(random_vector(random, 7, 0.5), random_vector(random, 7, 0.5));
+    const Eigen::Matrix<double, 6, 1> given = random_vector(random, 6, 20.0);
+    plant.set_tip_wrench(given, tip_axes);
+    VectorXd expected(7);
+    for (int k = 0; k < 50; ++k) {
+      plant.step(random_vector(random, 7, 5.0), 1e-3);
+      inverse_dynamics(model, ws, plant.q(), plant.dq(), plant.ddq(), expected);
+      for (int j = 0; j < 7; ++j)
+        expected[j] += friction_torque(robot.joints[static_cast<std::size_t>(j)].friction, plant.dq()[j]);
+      std::vector<Eigen::Isometry3d> poses(8);
+      forward_kinematics(model, ws, plant.q(), poses);
+      Eigen::Matrix<double, 6, 1> wrench = given;
+      if (tip_axes) wrench << poses[7].linear() * given.head<3>(), poses[7].linear() * given.tail<3>();
+      Eigen::MatrixXd J(6, 7);
+      jacobian(model, ws, plant.q(), robot.tip, J);
+      const VectorXd error = plant.tau() + J.transpose() * wrench - expected;
+      ASSERT_LT(error.cwiseAbs().maxCoeff(), 1e-9) << "tip axes " << tip_axes << ", step " << k;
+    }
+    // Taken away again, it is as if it had never been.
+    plant.set_tip_wrench(Eigen::Matrix<double, 6, 1>::Zero(), tip_axes);
+    const VectorXd q = plant.q(), dq = plant.dq(), tau = plant.tau();
+    Plant other(robot);
+    other.reset(q, dq, tau);
+    other.step(tau, 1e-3);
+    plant.step(tau, 1e-3);
+    EXPECT_LT((plant.q() - other.q()).cwiseAbs().maxCoeff(), 1e-12);
+  }
+  Plant plant(robot);
+  EXPECT_THROW(plant.set_tip_wrench(Eigen::Matrix<double, 6, 1>::Constant(NAN)), Error);
+}
+
 TEST(Plant, AccelerationsAreThoseOfTheTorque) {
   // tau = M ddq + S dq + g + friction at every instant, the drive's torque going linearly through a step.
   const Robot robot = test::panda();

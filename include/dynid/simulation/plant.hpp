@@ -47,6 +47,11 @@ class Plant {
   /// finite, or dt is not positive. Does not allocate.
   void step(const Eigen::VectorXd& tau_cmd, double dt);
 
+  /// Wrench of the surroundings on the tip: force [N] (0-2) and moment about the tip's origin [N m] (3-5), in
+  /// the axes of the base or, with `tip_axes`, of the tip. It holds until it is set again, through reset()
+  /// too; zero at first. Throws Error on a value that is not finite. Does not allocate.
+  void set_tip_wrench(const Eigen::Matrix<double, 6, 1>& wrench, bool tip_axes = false);
+
   double time() const noexcept;  ///< [s]
   // True state, n each: the link side, base to tip.
   const Eigen::VectorXd& q() const noexcept;    ///< [rad]
@@ -66,7 +71,8 @@ class Plant {
 
   /// Torque [N m] that each effect adds on the measured side at this instant: n x (number of effects), in the
   /// order of Robot::effects, written. Their sum is seen_tau() less the torque of the robot without effects
-  /// along the seen motion, exactly; an effect's own share is what it adds on top of those before it.
+  /// along the seen motion, exactly (that of set_tip_wrench() is no effect: -J^T F is left over); an
+  /// effect's own share is what it adds on top of those before it.
   void effect_torques(Eigen::MatrixXd& torques);
 
  private:
