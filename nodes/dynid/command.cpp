@@ -5,14 +5,43 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <iomanip>
 #include <iostream>
 #include <sstream>
 
 #include "dynid/error.hpp"
 #include "dynid/file.hpp"
+#ifdef DYNID_WITH_ROSBAG
+#include "ros/bag.hpp"
+#endif
 
 namespace dynid {
+namespace {
+
+std::vector<std::string> joint_names(const Robot& robot) {
+  std::vector<std::string> names;
+  for (const Joint& joint : robot.joints) names.push_back(joint.name);
+  return names;
+}
+
+#ifndef DYNID_WITH_ROSBAG
+enum class BagCompression { none, bz2, lz4 };
+
+[[noreturn]] void no_bags(const std::string& path) {
+  throw Error(path + ": this dynid was built without rosbag: it reads and writes no bags");
+}
+Log read_bag(const std::string& path, const std::vector<std::string>&, const std::string&, const LogColumns&,
+             std::string*) {
+  no_bags(path);
+}
+void write_bag(const std::string& path, const Log&, const std::vector<std::string>&, const std::string&,
+               BagCompression) {
+  no_bags(path);
+}
+#endif
+
+}  // namespace
 
 void Output::add_to(CLI::App& command) {
   command.add_option("--json", json, "Write the result as JSON to FILE, - for standard output")
@@ -55,6 +84,35 @@ ModelFile RobotOption::read(const Output& output) const {
                 << "): " << rule.rule << ", margin " << rule.margin << "\n";
   return model;
 }
+
+void LogOption::add_to(CLI::App& command, bool written) {
+  command.add_option("--topic", topic, "Topic of the sensor_msgs/JointState in logs that are rosbags (.bag)")
+      ->type_name("TOPIC")
+      ->capture_default_str();
+  if (!written) return;
+  command.add_option("--compression", compression, "Of a rosbag written")
+      ->check(CLI::IsMember({"none", "bz2", "lz4"}))
+      ->type_name("none|bz2|lz4")
+      ->capture_default_str();
+}
+
+Log LogOption::read(const std::string& path, const Robot& robot, const LogColumns& required) const {
+  if (!is_bag(path)) return read_log(path, robot.size(), required);
+  std::string warning;
+  Log log = read_bag(path, joint_names(robot), topic, required, &warning);
+  if (!warning.empty()) std::cerr << "dynid: warning: " << warning << "\n";
+  return log;
+}
+
+void LogOption::write(const std::string& path, const Log& log, const Robot& robot) const {
+  if (!is_bag(path)) return write_log(path, log);
+  write_bag(path, log, joint_names(robot), topic,
+            compression == "bz2"   ? BagCompression::bz2
+            : compression == "lz4" ? BagCompression::lz4
+                                   : BagCompression::none);
+}
+
+bool is_bag(const std::string& path) { return std::filesystem::path(path).extension() == ".bag"; }
 
 Progress::Progress(const Output& output) {
   if (output.quiet || isatty(STDERR_FILENO) == 0) return;

@@ -13,6 +13,7 @@
 
 #include "dynid/model/coefficient.hpp"
 #include "dynid/model/robot_file.hpp"
+#include "dynid/signal/log.hpp"
 #include "dynid/signal/prepare.hpp"
 
 namespace dynid {
@@ -39,6 +40,22 @@ struct RobotOption {
   /// Reads it; broken rules of eqs. (11) and (16) are warned of on standard error when they are allowed.
   ModelFile read(const Output& output) const;
 };
+
+/// Logs, as CSV or, where the path ends in `.bag`, as sensor_msgs/JointState in a rosbag: joints by name.
+struct LogOption {
+  std::string topic = "/joint_states";
+  std::string compression = "none";  ///< of bags written: none, bz2 or lz4
+
+  /// `--topic` and, where logs are `written`, `--compression`.
+  void add_to(CLI::App& command, bool written = false);
+  /// Throws as read_log(). A bag that is not whole is read as far as it goes, and said so on standard error.
+  Log read(const std::string& path, const Robot& robot, const LogColumns& required = {}) const;
+  /// Throws as write_log().
+  void write(const std::string& path, const Log& log, const Robot& robot) const;
+};
+
+/// The path names a rosbag.
+bool is_bag(const std::string& path);
 
 /// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere. It is a thread
 /// of its own that writes it: a stage that says nothing for long still shows its name and the time.

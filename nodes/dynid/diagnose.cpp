@@ -20,6 +20,7 @@ namespace {
 struct Arguments {
   Output output;
   RobotOption model;
+  LogOption input;
   std::vector<std::string> logs, withhold;
   std::string reference, patch, report, next_trajectory;
   DiagnoseOptions options;
@@ -123,6 +124,7 @@ std::string command_line(const Arguments& a) {
   out += " --log";
   for (const std::string& log : a.logs) out += " " + quoted(log);
   add("--reference", a.reference);
+  if (a.input.topic != LogOption().topic) add("--topic", a.input.topic);
   for (const std::string& name : a.withhold) add("--withhold", name);
   if (a.options.cutoff > 0.0) add("--cutoff", number(a.options.cutoff));
   if (a.options.tolerance != usual.tolerance) add("--tolerance", number(a.options.tolerance));
@@ -155,10 +157,10 @@ void run(const Arguments& a) {
     progress("healthy log");
     IdentifyOptions identify_options;
     identify_options.validate = false;
-    nominal = identify(nominal, {read_log(a.reference, nominal.size())}, {}, identify_options).robot;
+    nominal = identify(nominal, {a.input.read(a.reference, nominal)}, {}, identify_options).robot;
   }
   std::vector<Log> logs;
-  for (const std::string& log : a.logs) logs.push_back(read_log(log, nominal.size()));
+  for (const std::string& log : a.logs) logs.push_back(a.input.read(log, nominal));
   options.progress = [&progress](const std::string& stage, double fraction) { progress(stage, fraction); };
   const Diagnosis d = diagnose(nominal, logs, options);
   if (!a.patch.empty() && !d.effects.empty())
@@ -190,6 +192,7 @@ void add_diagnose(CLI::App& app, int& status) {
       ->type_name("FILE...");
   command->add_option("--reference", a->reference, "Log of the healthy robot: says how far the model is off")
       ->type_name("FILE");
+  a->input.add_to(*command);
   command->add_option("--withhold", a->withhold,
                       "Take friction or payload out of the model, or an effect out of the library");
   command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")

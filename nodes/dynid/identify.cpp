@@ -15,6 +15,7 @@ namespace {
 struct Arguments {
   Output output;
   RobotOption robot;
+  LogOption input;
   std::vector<std::string> logs, validation;
   std::string out;
   double cutoff = 0.0;
@@ -46,11 +47,12 @@ nlohmann::json comparison_json(const std::vector<FrictionComparison>& comparison
   return list;
 }
 
-std::vector<Log> read_logs(const std::vector<std::string>& paths, int joints, Progress& progress) {
+std::vector<Log> read_logs(const LogOption& input, const std::vector<std::string>& paths, const Robot& robot,
+                           Progress& progress) {
   std::vector<Log> logs;
   for (const std::string& path : paths) {
     progress("reading " + path);
-    logs.push_back(read_log(path, joints));
+    logs.push_back(input.read(path, robot));
   }
   return logs;
 }
@@ -70,7 +72,7 @@ IdentifyOptions options_of(const Arguments& a, Progress& progress) {
 void run_friction_only(const Arguments& a, const Robot& robot) {
   const Stopwatch watch;
   Progress progress(a.output);
-  const TwoStageFriction result = identify_friction(robot, read_logs(a.logs, robot.size(), progress),
+  const TwoStageFriction result = identify_friction(robot, read_logs(a.input, a.logs, robot, progress),
                                                     a.friction, options_of(a, progress));
   if (!a.out.empty())
     write_model(a.out, {result.robot, {}, std::string("friction identified on top of ") + a.robot.path});
@@ -105,8 +107,8 @@ void run(const Arguments& a) {
   if (a.friction_only) return run_friction_only(a, robot);
   Progress progress(a.output);
   const Identification id =
-      identify(robot, read_logs(a.logs, robot.size(), progress),
-               read_logs(a.validation, robot.size(), progress), options_of(a, progress));
+      identify(robot, read_logs(a.input, a.logs, robot, progress),
+               read_logs(a.input, a.validation, robot, progress), options_of(a, progress));
   if (!a.out.empty()) {
     std::string note = "identified from";
     for (const std::string& log : a.logs) note += " " + log;
@@ -171,10 +173,11 @@ void add_identify(CLI::App& app, int& status) {
   CLI::App* command =
       app.add_subcommand("identify", "Dynamic coefficients and friction from recorded motions");
   a->robot.add_to(*command);
-  command->add_option("--log", a->logs, "Logs to fit (CSV: t, q1.., dq1.., tau1..)")
+  command->add_option("--log", a->logs, "Logs to fit (CSV: t, q1.., dq1.., tau1..; or .bag)")
       ->required()
       ->type_name("FILE...");
   command->add_option("--validate", a->validation, "Logs to predict, never fitted")->type_name("FILE...");
+  a->input.add_to(*command);
   command->add_option("--out", a->out, "Model to write (YAML)")->type_name("FILE");
   command
       ->add_option("--cutoff", a->cutoff,

@@ -18,6 +18,7 @@ namespace {
 struct Arguments {
   Output output;
   RobotOption model;
+  LogOption input;
   std::vector<std::string> logs;
   std::string robot, bounds, out, prior;
   double cutoff = 0.0;
@@ -170,7 +171,7 @@ int run(const Arguments& a) {
     std::vector<Log> logs;
     for (const std::string& log : a.logs) {
       progress("reading " + log);
-      logs.push_back(read_log(log, model.robot.size()));
+      logs.push_back(a.input.read(log, model.robot));
     }
     IdentifyOptions identify_options;
     identify_options.prepare.cutoff = a.cutoff;
@@ -233,6 +234,7 @@ void add_retrieve(CLI::App& app, int& status) {
   a->model.add_to(*command, "--model", false);
   command->add_option("--log", a->logs, "One step: fit feasible parameters and eq. (24) to these logs")
       ->type_name("FILE...");
+  a->input.add_to(*command);
   command->add_option("--robot", a->robot, "Kinematics for --log (URDF or YAML)")->type_name("FILE");
   command->add_option("--bounds", a->bounds, "Bounds and constraints (YAML, dynid-bounds-1)")
       ->required()

@@ -20,6 +20,7 @@ namespace {
 struct Arguments {
   Output output;
   RobotOption model;
+  LogOption log;
   std::string trajectory, labels, out;
   bool excite = false, clean = false, list = false;
   std::vector<std::string> effects;
@@ -109,6 +110,7 @@ void run(const Arguments& a) {
   if (a.excite == !a.trajectory.empty())
     throw Error("simulate: one of --trajectory and --excite is required");
   if (a.duration > 0.0 && !a.excite) throw Error("simulate: --duration goes with --excite");
+  if (is_bag(a.trajectory)) throw Error(a.trajectory + ": a motion to follow is a CSV file, not a bag");
   a.output.check({a.out, a.labels});
   Robot robot = a.model.read(a.output).robot;
   try {
@@ -158,7 +160,7 @@ void run(const Arguments& a) {
     sample(motion, motion.t[0] + simulated.t[i], q, dq, ddq);
     astray = astray.cwiseMax((q - simulated.seen_q.row(i).transpose()).cwiseAbs());
   }
-  write_log(a.out, simulated.log);
+  a.log.write(a.out, simulated.log, robot);
   if (!a.labels.empty()) write_file(a.labels, labels.dump(2) + "\n");
 
   a.output.write({{"samples", simulated.log.samples()},
@@ -216,7 +218,9 @@ void add_simulate(CLI::App& app, int& status) {
       ->add_option("--labels", a->labels,
                    "JSON to write: the effects, as a list of {name, joints, parameters}")
       ->type_name("FILE");
-  command->add_option("--out", a->out, "Log to write (CSV: t, q1.., dq1.., tau1..)")->type_name("FILE");
+  command->add_option("--out", a->out, "Log to write (CSV: t, q1.., dq1.., tau1..; or .bag)")
+      ->type_name("FILE");
+  a->log.add_to(*command, true);
   a->output.add_to(*command);
   command->footer(
       "Example: dynid simulate --model config/panda.yaml --excite --effect payload:mass=2,com=0:0:0.1 "

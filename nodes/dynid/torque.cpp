@@ -14,19 +14,21 @@ namespace {
 struct Arguments {
   Output output;
   RobotOption model;
+  LogOption input;
   std::string log, out;
   double cutoff = 0.0;
 };
 
 void run(const Arguments& a) {
   a.output.check({a.out});
+  if (is_bag(a.out)) throw Error(a.out + ": --out is a CSV file, not a bag");
   Output silent = a.output;  // whether its links are possible bodies is not the question here
   silent.quiet = true;
   const Robot robot = a.model.read(silent).robot;
   const int n = robot.size();
   LogColumns required;
   required.t = required.dq = required.tau = false;
-  const Log log = read_log(a.log, n, required);
+  const Log log = a.input.read(a.log, robot, required);
   if (log.ddq.size() == 0 && log.t.size() == 0)
     throw Error(a.log + ": column t is missing (it is needed where there is no ddq1..ddq" +
                 std::to_string(n) + ")");
@@ -61,9 +63,12 @@ void add_torque(CLI::App& app, int& status) {
   CLI::App* command = app.add_subcommand("torque", "Torques that a model predicts along a recorded motion");
   a->model.add_to(*command, "--model");
   a->model.allow_inconsistent = true;
-  command->add_option("--log", a->log, "Motion (CSV: t, q1.., dq1..; with ddq1.. it is taken as it stands)")
+  command
+      ->add_option("--log", a->log,
+                   "Motion (CSV: t, q1.., dq1..; with ddq1.. it is taken as it stands; or .bag)")
       ->required()
       ->type_name("FILE");
+  a->input.add_to(*command);
   command->add_option("--out", a->out, "CSV to write: t, tau1.., tauf1..")->required()->type_name("FILE");
   command->add_option("--cutoff", a->cutoff, "Cut-off of the zero-phase low-pass filter of the motion [Hz]")
       ->check(CLI::PositiveNumber);

@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ros/bag.hpp"
+
+#include <rosbag/bag.h>
+#include <rosbag/chunked_file.h>
+#include <rosbag/view.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/interprocess/file_mapping.hpp>
+#include <boost/interprocess/mapped_region.hpp>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string_view>
+
+#include "dynid/error.hpp"
+#include "dynid/file.hpp"
+#include "ros/joint_state.hpp"
+
+namespace dynid {
+namespace {
+
+using JointState = sensor_msgs::JointState;
+
+std::string without_slash(const std::string& topic) {
+  return topic.compare(0, 1, "/") == 0 ? topic.substr(1) : topic;
+}
+
+/// What a bag says about its topics.
+struct Connection {
+  std::string topic, type, md5sum;
+};
+
+/// Which of the connections is read; the others are named where it is missing.
+class Topic {
+ public:
+  Topic(const std::string& path, const std::string& name) : path_(path), name_(name) {}
+
+  /// Throws Error where the topic is there with another type.
+  bool is(const Connection& c) {
+    present_.insert(c.topic);
+    if (without_slash(c.topic) != without_slash(name_)) return false;
+    using ros::message_traits::DataType;
+    using ros::message_traits::MD5Sum;
+    if (c.type != DataType<JointState>::value() ||
+        (c.md5sum != "*" && c.md5sum != MD5Sum<JointState>::value()))
+      throw Error(where() + "is " + c.type + ", not " + DataType<JointState>::value());
+    return found_ = true;
+  }
+  /// `damage`: why the bag is not whole; empty where it is.
+  [[noreturn]] void nothing(const std::string& damage) const {
+    std::string list;
+    for (const std::string& topic : present_) list += (list.empty() ? "; there are " : ", ") + topic;
+    if (list.empty()) list = ", nor is any other";
+    throw Error(where() + (found_ ? "has no message" : "is not in the bag" + list) +
+                (damage.empty() ? "" : "; the bag is not whole (" + damage + ")"));
+  }
+  std::string where() const { return path_ + ": topic " + name_ + " "; }
+
+ private:
+  std::string path_, name_;
+  std::set<std::string> present_;
+  bool found_ = false;
+};
+
+using OnMessage = std::function<void(const JointState&)>;
+
+/// Calls for a serialised message; throws std::runtime_error where it is damaged.
+void deserialise(std::uint8_t* data, std::size_t size, JointState& message, const OnMessage& on_message) {
+  if (!is_joint_state(data, size)) throw std::runtime_error("a damaged message");
+  ros::serialization::IStream stream(data, static_cast<std::uint32_t>(size));
+  ros::serialization::deserialize(stream, message);
+  on_message(message);
+}
+
+/// A sound bag, by its index.
+void read_indexed(const std::string& path, Topic& topic, const OnMessage& on_message) {
+  rosbag::Bag bag(path, rosbag::bagmode::Read);
+  rosbag::View view;
+  view.addQuery(bag, [&topic](const rosbag::ConnectionInfo* c) {
+    return topic.is({c->topic, c->datatype, c->md5sum});
+  });
+  std::vector<std::uint8_t> bytes;
+  JointState message;
+  for (const rosbag::MessageInstance& instance : view) {
+    bytes.resize(instance.size());
+    ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    instance.write(stream);
+    deserialise(bytes.data(), bytes.size(), message, on_message);
+  }
+}
+
+/// A bag without a usable index. rosbag_storage refuses it (BagUnindexedException; making the index again is
+/// a Python program, `rosbag reindex`), though all it takes is to read the records one after the other
+/// (http://wiki.ros.org/Bags/Format/2.0). That is done here and nothing else: chunks are decompressed and
+/// messages deserialised by the libraries. It ends at the first thing that is not a whole, sound record.
+class Scan {
+ public:
+  Scan(Topic& topic, const OnMessage& on_message) : topic_(topic), on_message_(on_message) {}
+
+  /// Throws Error where the file is no bag at all.
+  void file(const std::string& path) {
+    namespace ipc = boost::interprocess;
+    static constexpr std::string_view magic = "#ROSBAG V2.0\n";
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path, error);
+    if (error) throw Error(path + ": cannot read: " + error.message());
+    if (size < magic.size()) throw Error(path + ": not a bag: " + std::to_string(size) + " bytes");
+    const ipc::file_mapping file(path.c_str(), ipc::read_only);
+    const ipc::mapped_region region(file, ipc::read_only);
+    const std::string_view bytes(static_cast<const char*>(region.get_address()), region.get_size());
+    if (bytes.substr(0, magic.size()) != magic)
+      throw Error(path + ": not a bag of format 2.0 (its first line is not #ROSBAG V2.0)");
+    records(bytes.substr(magic.size()));
+  }
+
+ private:
+  using Fields = std::map<std::string_view, std::string_view>;
+
+  /// Length and bytes; false where they are cut off.
+  static bool take(std::string_view& bytes, std::string_view& out) {
+    std::uint32_t length = 0;
+    if (!number(bytes, length) || bytes.size() - sizeof length < length) return false;
+    out = bytes.substr(sizeof length, length);
+    bytes.remove_prefix(sizeof length + length);
+    return true;
+  }
+  template <class T>
+  static bool number(std::string_view bytes, T& out) {
+    if (bytes.size() < sizeof out) return false;
+    std::memcpy(&out, bytes.data(), sizeof out);
+    return true;
+  }
+  static bool parse(std::string_view header, Fields& fields) {
+    fields.clear();
+    std::string_view field;
+    while (!header.empty()) {
+      if (!take(header, field)) return false;
+      const std::size_t equals = field.find(static_cast<char>(rosbag::FIELD_DELIM));
+      if (equals == std::string_view::npos) return false;
+      fields[field.substr(0, equals)] = field.substr(equals + 1);
+    }
+    return true;
+  }
+
+  /// False where they end in something that is not a record.
+  bool records(std::string_view bytes) {
+    Fields fields;
+    std::string_view header, data;
+    while (!bytes.empty()) {
+      unsigned char op = 0;
+      if (!take(bytes, header) || !parse(header, fields) || !number(fields[rosbag::OP_FIELD_NAME], op))
+        return false;
+      const std::string_view compression = fields[rosbag::COMPRESSION_FIELD_NAME];
+      if (op == rosbag::OP_CHUNK && compression == rosbag::COMPRESSION_NONE) {
+        // Its records follow as they are: one after the other, even where the chunk is cut off, or its length
+        // is still the 0 with which it was begun.
+        if (bytes.size() < sizeof(std::uint32_t)) return false;
+        bytes.remove_prefix(sizeof(std::uint32_t));
+        continue;
+      }
+      if (!take(bytes, data)) return false;
+      if (op == rosbag::OP_FILE_HEADER) {
+        if (!fields[rosbag::ENCRYPTOR_FIELD_NAME].empty()) return false;
+      } else if (op == rosbag::OP_CHUNK) {
+        std::uint32_t size = 0;
+        if (!number(fields[rosbag::SIZE_FIELD_NAME], size) || !chunk(compression, data, size)) return false;
+      } else if (op == rosbag::OP_CONNECTION) {
+        if (!connection(fields, data)) return false;
+      } else if (op == rosbag::OP_MSG_DATA) {
+        std::uint32_t id = 0;
+        if (!number(fields[rosbag::CONNECTION_FIELD_NAME], id)) return false;
+        if (ours_.count(id) == 0) continue;
+        buffer_.assign(data.begin(), data.end());
+        deserialise(buffer_.data(), buffer_.size(), message_, on_message_);
+      } else if (op != rosbag::OP_INDEX_DATA && op != rosbag::OP_CHUNK_INFO) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  bool chunk(std::string_view compression, std::string_view data, std::uint32_t size) {
+    const bool bz2 = compression == rosbag::COMPRESSION_BZ2;
+    if (!bz2 && compression != rosbag::COMPRESSION_LZ4) return false;
+    constexpr std::uint32_t most = 1u << 30;  // bytes; a damaged length can be anything
+    if (data.empty() || size > most) return false;
+    std::vector<std::uint8_t> in(data.begin(), data.end()), out(size);
+    rosbag::ChunkedFile().decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, out.data(),
+                                     size, in.data(), static_cast<unsigned>(in.size()));
+    return records({reinterpret_cast<const char*>(out.data()), out.size()});
+  }
+
+  bool connection(Fields& fields, std::string_view data) {
+    std::uint32_t id = 0;
+    if (!number(fields[rosbag::CONNECTION_FIELD_NAME], id)) return false;
+    const std::string name(fields[rosbag::TOPIC_FIELD_NAME]);
+    Fields about;
+    if (!parse(data, about)) return false;
+    if (topic_.is({name, std::string(about["type"]), std::string(about["md5sum"])})) ours_.insert(id);
+    return true;
+  }
+
+  Topic& topic_;
+  const OnMessage& on_message_;
+  std::set<std::uint32_t> ours_;
+  std::vector<std::uint8_t> buffer_;
+  JointState message_;
+};
+
+/// The rows of a log, message by message.
+class Rows {
+ public:
+  Rows(const Topic& topic, const std::vector<std::string>& joints) : where_(topic.where()), reader_(joints) {}
+
+  void add(const JointState& message) {
+    ++messages_;
+    for (const std::string& name : message.name)
+      if (names_.size() < 20) names_.insert(name);
+    try {
+      if (!reader_.read(message)) return;
+      if (samples() == 0) first_ = message.header.stamp;
+      const std::int64_t stamp = nanoseconds(message.header.stamp);
+      if (samples() > 0 && stamp < t_.back()) {
+        std::ostringstream text;
+        text << "time goes back from " << seconds(t_.back()) << " s to " << seconds(stamp) << " s";
+        throw Error(text.str());
+      }
+      append("velocity", reader_.dq(), dq_);
+      append("effort", reader_.tau(), tau_);
+      append("position", reader_.q(), q_);
+      t_.push_back(stamp);
+    } catch (const Error& error) {
+      throw Error(where_ + "message " + std::to_string(messages_) + ": " + error.what());
+    }
+  }
+
+  std::size_t samples() const { return t_.size(); }
+  std::size_t messages() const { return messages_; }
+  double last() const { return seconds(t_.back()); }
+
+  Log log(const std::string& path, const LogColumns& required) const {
+    if (samples() == 0) {
+      std::string list;
+      for (const std::string& name : names_) list += (list.empty() ? "" : ", ") + name;
+      throw Error(where_ + "has no message with joint '" + reader_.joints().front() +
+                  "' or another of the robot's; there are " + (list.empty() ? "no names" : list));
+    }
+    if (first_.isZero() && t_.back() == 0) throw Error(where_ + "has no stamps: header.stamp is 0");
+    Log log;
+    log.source = path;
+    log.t.resize(static_cast<Eigen::Index>(t_.size()));
+    for (std::size_t i = 0; i < t_.size(); ++i) log.t[static_cast<Eigen::Index>(i)] = seconds(t_[i]);
+    log.q = matrix(q_);
+    log.dq = matrix(dq_);
+    log.tau = matrix(tau_);
+    if (required.dq && log.dq.size() == 0) throw Error(where_ + "has no velocity (it is needed as dq)");
+    if (required.tau && log.tau.size() == 0) throw Error(where_ + "has no effort (it is needed as tau)");
+    return log;
+  }
+
+ private:
+  /// Since the first message: below 100 days exact as a double.
+  std::int64_t nanoseconds(const ros::Time& stamp) const {
+    return (std::int64_t(stamp.sec) - std::int64_t(first_.sec)) * 1000000000 + std::int64_t(stamp.nsec) -
+           std::int64_t(first_.nsec);
+  }
+  /// The double nearest the decimal number.
+  static double seconds(std::int64_t ns) { return double(ns) / 1e9; }
+
+  void append(const char* what, const Eigen::VectorXd& x, std::vector<double>& all) const {
+    if (samples() > 0 && all.empty() != (x.size() == 0))
+      throw Error(std::string(what) +
+                  (all.empty() ? " is sent here, not before" : " is empty here, not before"));
+    all.insert(all.end(), x.begin(), x.end());
+  }
+  Eigen::MatrixXd matrix(const std::vector<double>& rows) const {
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    if (rows.empty()) return {};
+    return Eigen::Map<const RowMajor>(rows.data(), static_cast<Eigen::Index>(samples()),
+                                      static_cast<Eigen::Index>(reader_.joints().size()));
+  }
+
+  std::string where_;
+  JointStateReader reader_;
+  std::size_t messages_ = 0;
+  ros::Time first_;
+  std::vector<std::int64_t> t_;       // [ns] since first_
+  std::vector<double> q_, dq_, tau_;  // rows one after the other
+  std::set<std::string> names_;       // some of those seen
+};
+
+/// A file of its own for as long as it lives.
+class TemporaryFile {
+ public:
+  TemporaryFile() : path_((std::filesystem::temp_directory_path() / "dynid-bag-XXXXXX").string()) {
+    const int descriptor = ::mkstemp(path_.data());
+    if (descriptor < 0) throw Error(path_ + ": cannot be made: " + std::strerror(errno));
+    ::close(descriptor);
+  }
+  ~TemporaryFile() { ::unlink(path_.c_str()); }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace
+
+Log read_bag(const std::string& path, const std::vector<std::string>& joints, const std::string& topic,
+             const LogColumns& required, std::string* warning) {
+  if (::access(path.c_str(), R_OK) != 0) throw Error(path + ": cannot read: " + std::strerror(errno));
+  if (warning != nullptr) warning->clear();
+  Topic wanted(path, topic);
+  Rows rows(wanted, joints);
+  std::string damage;
+  try {
+    read_indexed(path, wanted, [&rows](const JointState& message) { rows.add(message); });
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& error) {  // rosbag's, of many types
+    damage = error.what();
+  }
+  if (!damage.empty()) {
+    wanted = Topic(path, topic);
+    rows = Rows(wanted, joints);
+    try {
+      Scan(wanted, [&rows](const JointState& message) { rows.add(message); }).file(path);
+    } catch (const Error&) {
+      throw;
+    } catch (const std::exception&) {  // the damage: what stands before it is kept
+    }
+  }
+  if (rows.messages() == 0) wanted.nothing(damage);
+  Log log = rows.log(path, required);
+  if (!damage.empty() && warning != nullptr) {
+    std::ostringstream text;
+    text << path << ": the bag is not whole (" << damage << "): " << rows.samples()
+         << " messages could be read, up to " << rows.last() << " s";
+    *warning = text.str();
+  }
+  return log;
+}
+
+void write_bag(const std::string& path, const std::vector<JointState>& messages, const std::string& topic,
+               BagCompression compression) {
+  check_writable(path);
+  const TemporaryFile temporary;
+  try {
+    rosbag::Bag bag(temporary.path(), rosbag::bagmode::Write);
+    bag.setCompression(compression == BagCompression::bz2   ? rosbag::compression::BZ2
+                       : compression == BagCompression::lz4 ? rosbag::compression::LZ4
+                                                            : rosbag::compression::Uncompressed);
+    for (const JointState& message : messages)
+      bag.write(topic, std::max(message.header.stamp, ros::TIME_MIN), message);
+    bag.close();
+  } catch (const std::exception& error) {
+    throw Error(path + ": cannot write: " + error.what());
+  }
+  write_file(path, read_file(temporary.path()));
+}
+
+void write_bag(const std::string& path, const Log& log, const std::vector<std::string>& joints,
+               const std::string& topic, BagCompression compression) {
+  const Eigen::Index n = log.samples();
+  if (static_cast<int>(joints.size()) != log.joints())
+    throw Error(path + ": " + std::to_string(joints.size()) + " joint names for " +
+                std::to_string(log.joints()) + " joints");
+  if (log.t.size() != n || n == 0) throw Error(path + ": a bag needs the time of every sample");
+  for (const Eigen::MatrixXd* x : {&log.dq, &log.tau})
+    if (x->size() != 0 && (x->rows() != n || x->cols() != log.q.cols()))
+      throw Error(path + ": q, dq and tau of the log have different sizes");
+  const auto row = [](const Eigen::MatrixXd& x, Eigen::Index i) {
+    const Eigen::VectorXd values = x.size() > 0 ? Eigen::VectorXd(x.row(i)) : Eigen::VectorXd();
+    return std::vector<double>(values.begin(), values.end());
+  };
+  std::vector<JointState> messages(static_cast<std::size_t>(n));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    JointState& message = messages[static_cast<std::size_t>(i)];
+    const std::int64_t stamp = 1000000000 + std::llround(1e9 * (log.t[i] - log.t[0]));
+    message.header.seq = static_cast<std::uint32_t>(i);
+    message.header.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+    message.name = joints;
+    message.position = row(log.q, i);
+    message.velocity = row(log.dq, i);
+    message.effort = row(log.tau, i);
+  }
+  write_bag(path, messages, topic, compression);
+}
+
+}  // namespace dynid
