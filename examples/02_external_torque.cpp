@@ -36,8 +36,9 @@ int main() try {
 
   double time = 0.0;
   bool touched = false;
-  read(holding, [&](const RobotState& state, double dt) noexcept {  // no allocation, no lock, no exception
+  read(holding, [&](const RobotState& state, double dt) noexcept {
     using Map = Eigen::Map<const Vector7>;
+    // step() neither allocates nor locks nor throws; a real loop would leave the printing to another thread.
     const auto& now = estimator.step(dt, Map(state.q.data()), Map(state.dq.data()), Map(state.tau_J.data()));
     // Positive where the environment pushes; Franka's tau_ext_hat_filtered has the other sign.
     if (now.contact.any() != touched) {
