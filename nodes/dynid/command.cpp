@@ -25,6 +25,11 @@ std::vector<std::string> joint_names(const Robot& robot) {
   return names;
 }
 
+ProgressListener& progress_listener() {
+  static ProgressListener listener;
+  return listener;
+}
+
 #ifndef DYNID_WITH_ROSBAG
 enum class BagCompression { none, bz2, lz4 };
 
@@ -144,7 +149,10 @@ void Progress::operator()(const std::string& stage, double fraction) {
   const std::lock_guard<std::mutex> lock(mutex_);
   stage_ = stage;
   fraction_ = fraction;
+  if (progress_listener()) progress_listener()(stage, fraction);
 }
+
+void set_progress_listener(ProgressListener listener) { progress_listener() = std::move(listener); }
 
 nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x) {
   return std::vector<double>(x.data(), x.data() + x.size());

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -56,6 +57,11 @@ struct LogOption {
 
 /// The path names a rosbag.
 bool is_bag(const std::string& path);
+
+using ProgressListener = std::function<void(const std::string& stage, double fraction)>;
+/// Hears the progress of every command in this process from now on, on whatever thread; what it throws ends
+/// the command. To be set while none runs.
+void set_progress_listener(ProgressListener listener);
 
 /// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere. It is a thread
 /// of its own that writes it: a stage that says nothing for long still shows its name and the time.

@@ -27,18 +27,22 @@ struct Arguments {
 };
 
 std::atomic<bool> interrupted{false};
-extern "C" void on_interrupt(int) { interrupted = true; }
+void (*before_interrupt)(int) = SIG_DFL;
+extern "C" void on_interrupt(int signal) {
+  interrupted = true;
+  if (before_interrupt != SIG_DFL && before_interrupt != SIG_IGN) before_interrupt(signal);
+}
 
-/// Ctrl-C asks for the best set so far, while this lives.
+/// Ctrl-C asks for the best set so far, while this lives; who listened to it before hears it too.
 class InterruptGuard {
  public:
-  InterruptGuard() : before_(std::signal(SIGINT, on_interrupt)) { interrupted = false; }
-  ~InterruptGuard() { std::signal(SIGINT, before_); }
+  InterruptGuard() {
+    interrupted = false;
+    before_interrupt = std::signal(SIGINT, on_interrupt);
+  }
+  ~InterruptGuard() { std::signal(SIGINT, before_interrupt); }
   InterruptGuard(const InterruptGuard&) = delete;
   InterruptGuard& operator=(const InterruptGuard&) = delete;
-
- private:
-  void (*before_)(int);
 };
 
 /// Eq. (29) over the rigid-body coefficients that the model file keeps.
