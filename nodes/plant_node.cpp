@@ -283,7 +283,7 @@ void PlantNode::diagnose(const ros::WallTimerEvent&) {
     pair.value = value;
     status.values.push_back(pair);
   };
-  add("Cycles in the last second", std::to_string(s.cycles));
+  add("Cycles since the last message", std::to_string(s.cycles));
   add("Cycles late by more than a period", std::to_string(s.late));
   add("Cycles missed", std::to_string(s.missed));
   add("Stalls longer than 1 s", std::to_string(s.stalls));
