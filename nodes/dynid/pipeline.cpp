@@ -54,6 +54,9 @@ Pipeline::Pipeline(std::string model, std::string folder, Options options, bool 
   check_command(words("diagnose", {"--log=log"}));
   check_command(words("excite", {"--out=motion"}));
   if (options_.count("bounds") > 0) check_command(words("retrieve", {}));
+}
+
+void Pipeline::make_folder() const {
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
   if (error) throw Error(folder_ + ": cannot be made: " + error.message());
@@ -93,10 +96,13 @@ Pipeline::Words Pipeline::words(const std::string& command, const Words& rest) c
 }
 
 bool Pipeline::excite(const std::string& out) const {
+  make_folder();
   return run_command(words("excite", {"--out=" + out})) == 0;
 }
 
 nlohmann::json Pipeline::run(const std::string& log) const {
+  if (!std::filesystem::exists(log)) throw Error(log + ": there is no such file");
+  make_folder();
   const std::string identified = path("identified.yaml"), identification = path("identification.json");
   nlohmann::json result = {{"status", 0},
                            {"log", log},

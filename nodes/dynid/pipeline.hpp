@@ -20,8 +20,9 @@ class Pipeline {
   /// Names of the options there are.
   static std::vector<std::string> option_names();
 
-  /// `model`: file of the model in use. `folder` is made where it is missing. With `summary` the commands
-  /// print theirs to standard output. Throws Error, also on options out of range.
+  /// `model`: file of the model in use. `folder` is made where it is missing, once there is something to
+  /// write. With `summary` the commands print theirs to standard output. Throws Error, also on options out of
+  /// range.
   Pipeline(std::string model, std::string folder, Options options, bool summary);
 
   /// Writes the exciting motion of `dynid excite` to `out`; false where none was found.
@@ -32,6 +33,7 @@ class Pipeline {
   /// Error as the commands do; files of the steps before stay.
   nlohmann::json run(const std::string& log) const;
 
+  void make_folder() const;                         ///< throws Error
   std::string path(const std::string& file) const;  ///< in the folder
 
  private:
