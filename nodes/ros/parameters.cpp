@@ -64,11 +64,27 @@ void Parameters::refuse(const std::string& name, const std::string& what) const 
   throw Error(full(name) + ": " + what);
 }
 
+bool Parameters::get(const std::string& name, XmlRpcValue& value) const {
+  asked_.insert(full(name));
+  return handle_.getParam(name, value);
+}
+
+std::vector<std::string> Parameters::unknown() const {
+  std::vector<std::string> set, names;
+  handle_.getParamNames(set);
+  const std::string inside = handle_.getNamespace() + "/";
+  for (const std::string& name : set) {
+    if (name.compare(0, inside.size(), inside) != 0) continue;
+    if (asked_.count(name) == 0) names.push_back(name);
+  }
+  return names;
+}
+
 bool Parameters::has(const std::string& name) const { return handle_.hasParam(name); }
 
 double Parameters::number(const std::string& name, double usual, const Range& range) const {
   XmlRpcValue value;
-  if (!handle_.getParam(name, value)) return usual;
+  if (!get(name, value)) return usual;
   if (!is_number(value)) refuse(name, std::string("a number is needed, this is ") + kind(value));
   const double x = number_of(value);
   const std::string wrong = complaint(x, range);
@@ -78,7 +94,7 @@ double Parameters::number(const std::string& name, double usual, const Range& ra
 
 bool Parameters::flag(const std::string& name, bool usual) const {
   XmlRpcValue value;
-  if (!handle_.getParam(name, value)) return usual;
+  if (!get(name, value)) return usual;
   if (value.getType() != XmlRpcValue::TypeBoolean)
     refuse(name, std::string("true or false is needed, this is ") + kind(value));
   return value;
@@ -86,7 +102,7 @@ bool Parameters::flag(const std::string& name, bool usual) const {
 
 std::string Parameters::text(const std::string& name, const std::string& usual) const {
   XmlRpcValue value;
-  if (!handle_.getParam(name, value)) return usual;
+  if (!get(name, value)) return usual;
   if (value.getType() != XmlRpcValue::TypeString)
     refuse(name, std::string("a text is needed, this is ") + kind(value));
   return value;
@@ -100,7 +116,7 @@ std::string Parameters::required_text(const std::string& name) const {
 
 std::vector<std::string> Parameters::texts(const std::string& name) const {
   XmlRpcValue value;
-  if (!handle_.getParam(name, value)) return {};
+  if (!get(name, value)) return {};
   if (value.getType() != XmlRpcValue::TypeArray)
     refuse(name, std::string("a list of texts is needed, this is ") + kind(value));
   std::vector<std::string> all;
@@ -114,7 +130,7 @@ std::vector<std::string> Parameters::texts(const std::string& name) const {
 
 Eigen::VectorXd Parameters::numbers(const std::string& name, int count, const Range& range) const {
   XmlRpcValue value;
-  if (!handle_.getParam(name, value)) return {};
+  if (!get(name, value)) return {};
   Eigen::VectorXd all;
   if (is_number(value)) {
     all = Eigen::VectorXd::Constant(1, number_of(value));

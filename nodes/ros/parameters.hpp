@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,12 +39,18 @@ class Parameters {
   std::string choice(const std::string& name, const std::string& usual,
                      const std::vector<std::string>& choices) const;
 
+  /// Full names of what is set in the namespace and was never asked for: misspelt, as a rule.
+  std::vector<std::string> unknown() const;
+
   std::string full(const std::string& name) const;  ///< `/torque_estimator/model`
   /// Throws Error: `<full name>: <what>`.
   [[noreturn]] void refuse(const std::string& name, const std::string& what) const;
 
  private:
+  bool get(const std::string& name, XmlRpc::XmlRpcValue& value) const;
+
   ros::NodeHandle handle_;
+  mutable std::set<std::string> asked_;  // full names
 };
 
 }  // namespace dynid

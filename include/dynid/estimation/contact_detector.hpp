@@ -34,8 +34,14 @@ class ContactDetector {
       flags_[i] = std::abs(r[i]) > (flags_[i] ? release_[i] : threshold_[i]);
     return flags_;
   }
+  /// Other thresholds, n each, 0 <= release <= threshold; the flags stay as they are until the next update().
+  void set_thresholds(const Vector& threshold, const Vector& release) noexcept {
+    threshold_ = threshold;
+    release_ = release;
+  }
   void reset() noexcept { flags_.setConstant(false); }
 
+  const Vector& threshold() const noexcept { return threshold_; }  ///< [N m], n
   const Flags& flags() const noexcept { return flags_; }
   bool any() const noexcept { return flags_.any(); }
 

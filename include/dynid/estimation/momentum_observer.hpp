@@ -40,6 +40,9 @@ class MomentumObserver {
     r_.setZero(), slope_.setZero();
   }
 
+  /// Another K [1/s], n, positive; r goes on from where it is.
+  void set_gain(const Vector& gain) noexcept { gain_ = gain; }
+
   /// Starts at r = 0 with the momentum p and the known torque u = tau + S^T dq - g - tau_f (n each).
   void start(const Vector& p, const Vector& u) noexcept {
     r_.setZero(), slope_.setZero();

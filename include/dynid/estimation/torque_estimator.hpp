@@ -55,8 +55,9 @@ struct Estimate {
 /// M ddq + S dq + g + friction - tau_ext. External torques are De Luca's r: *positive when the environment
 /// pushes the robot* in the joint's positive direction. Franka's `tau_ext_hat_filtered` is its negative.
 ///
-/// step() is for one thread, noexcept, free of allocations, locks and logging; adopt() may be called from
-/// one other thread at any time and never delays step(). The constructor and adopt() throw and allocate.
+/// step() is for one thread, noexcept, free of allocations, locks and logging; adopt() and retune() may
+/// be called from one other thread at any time and never delay step(). They and the constructor throw and
+/// allocate.
 template <int N = Eigen::Dynamic>
 class TorqueEstimator {
  public:
@@ -67,16 +68,13 @@ class TorqueEstimator {
       : TorqueEstimator(TorqueModel<N>(robot), options) {}
   explicit TorqueEstimator(const TorqueModel<N>& model, const TorqueEstimatorOptions& options = {})
       : models_(model),
+        limits_(model.torque_limit()),
+        tunings_(tuning(limits_, options)),
         ws_(model.rigid_body()),
-        observer_(over_joints(options.gain, Vector::Constant(model.size(), 60.0), "gain"), options.order,
-                  options.damping),
-        contact_(threshold(model, options), options.contact_release * threshold(model, options)),
+        observer_(tunings_.front().gain, options.order, options.damping),
+        contact_(tunings_.front().threshold, tunings_.front().release),
         wrench_(model.rigid_body(), model.rigid_body().tip() * options.wrench_frame, options.wrench),
         options_(options) {
-    const auto positive = [](double x, const char* what) {
-      if (!(x > 0.0) || !std::isfinite(x)) throw Error(std::string(what) + ": must be positive");
-    };
-    positive(options.acceleration_cutoff, "acceleration_cutoff");
     positive(options.longest_dt, "longest_dt");
     if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
       throw Error("bridge: must be in [0, longest_dt) s");
@@ -88,6 +86,15 @@ class TorqueEstimator {
 
   int size() const noexcept { return n_; }  ///< n
 
+  // What an empty TorqueEstimatorOptions::gain [1/s] and contact_threshold [N m] stand for.
+  static constexpr double usual_gain = 60.0;
+  static Vector usual_contact_threshold(const Vector& torque_limit) {
+    Vector usual = Vector::Constant(torque_limit.size(), 2.0);
+    for (Eigen::Index i = 0; i < usual.size(); ++i)
+      if (std::isfinite(torque_limit[i])) usual[i] = 0.3 * std::sqrt(torque_limit[i]);
+    return usual;
+  }
+
   /// From another thread (one at a time): the loop uses `model` from its next cycle on. The residual goes on
   /// without a jump. Throws Error when it has another number of joints, or a payload or gravity
   /// that is not finite.
@@ -95,6 +102,17 @@ class TorqueEstimator {
     if (model.size() != n_) throw Error("the model has another number of joints than the estimator");
     if (!model.finite()) throw Error("the model's payload or gravity is not finite");
     models_.publish(model);
+  }
+
+  /// From the thread of adopt(): gain, contact_threshold, contact_release and acceleration_cutoff of
+  /// `options` are in use from the next cycle on, the rest of it is not looked at. The residual goes on
+  /// without a jump. Throws Error where the constructor does. Usual thresholds are those of the limits at the
+  /// start.
+  void retune(const TorqueEstimatorOptions& options) {
+    const Tuning next = tuning(limits_, options);
+    MomentumObserver<N>{next.gain};  // whose constructors know what is wrong
+    ContactDetector<N>{next.threshold, next.release};
+    tunings_.publish(next);
   }
 
   /// One cycle, with the acceleration estimated from dq by a causal filter.
@@ -129,17 +147,29 @@ class TorqueEstimator {
   static constexpr double sense = 1e6, beyond = 10.0;
   static constexpr double shortest_dt = 1e-6;  // [s] less is no time at all
 
-  Vector over_joints(const Eigen::VectorXd& given, const Vector& usual, const char* what) const {
+  static Vector over_joints(const Eigen::VectorXd& given, const Vector& usual, const char* what) {
     if (given.size() == 0) return usual;
     if (given.size() == 1) return Vector::Constant(usual.size(), given[0]);
     if (given.size() != usual.size()) throw Error(std::string(what) + ": one value, or one for each joint");
     return given;
   }
-  Vector threshold(const TorqueModel<N>& model, const TorqueEstimatorOptions& options) const {
-    Vector usual = Vector::Constant(model.size(), 2.0);
-    for (int i = 0; i < model.size(); ++i)
-      if (std::isfinite(model.torque_limit()[i])) usual[i] = 0.3 * std::sqrt(model.torque_limit()[i]);
-    return over_joints(options.contact_threshold, usual, "contact_threshold");
+  static void positive(double x, const char* what) {
+    if (!(x > 0.0) || !std::isfinite(x)) throw Error(std::string(what) + ": must be positive");
+  }
+  /// What retune() changes.
+  struct Tuning {
+    Vector gain, threshold, release;
+    double cutoff;
+  };
+  static Tuning tuning(const Vector& torque_limit, const TorqueEstimatorOptions& options) {
+    positive(options.acceleration_cutoff, "acceleration_cutoff");
+    Tuning all;
+    all.gain = over_joints(options.gain, Vector::Constant(torque_limit.size(), usual_gain), "gain");
+    all.threshold =
+        over_joints(options.contact_threshold, usual_contact_threshold(torque_limit), "contact_threshold");
+    all.release = options.contact_release * all.threshold;
+    all.cutoff = options.acceleration_cutoff;
+    return all;
   }
 
   // Copies a measured vector; false where a value means nothing.
@@ -161,6 +191,11 @@ class TorqueEstimator {
     const bool changed = models_.update();
     if (changed) status |= Status::model_changed;
     const TorqueModel<N>& model = models_.front();
+    if (tunings_.update()) {
+      const Tuning& tuned = tunings_.front();
+      observer_.set_gain(tuned.gain);
+      contact_.set_thresholds(tuned.threshold, tuned.release);
+    }
     if (changed && started_) rebase(model);
     // Whatever else is wrong, time passes.
     if (started_) {
@@ -240,13 +275,15 @@ class TorqueEstimator {
       return;
     }
     // Exact answer of the filter to a dq that goes straight from one sample to the next.
-    const double share = -std::expm1(-2.0 * M_PI * options_.acceleration_cutoff * elapsed_);
+    const double share = -std::expm1(-2.0 * M_PI * tunings_.front().cutoff * elapsed_);
     const double rate = 1.0 / elapsed_;
     for (Eigen::Index i = 0; i < ddq_.size(); ++i)
       ddq_[i] += share * ((next_dq_[i] - dq_[i]) * rate - ddq_[i]);
   }
 
   TripleBuffer<TorqueModel<N>> models_;
+  Vector limits_;  // [N m] torque limits at the start
+  TripleBuffer<Tuning> tunings_;
   Workspace<N> ws_;
   MomentumObserver<N> observer_;
   ContactDetector<N> contact_;

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ros/estimator_core.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "dynid/dynamics/kinematics.hpp"
+
+namespace dynid {
+
+namespace {
+
+constexpr double at_rest = 0.01;                // [rad/s] a joint slower than this rests
+constexpr double rest_constant = 1.0;           // [s] of the low-pass over a rest
+constexpr std::uint32_t most_dropped = 100000;  // a leap beyond is another publisher
+
+// ros::Time's own difference throws where it does not fit into a ros::Duration.
+double seconds_between(const ros::Time& from, const ros::Time& to) noexcept {
+  return (static_cast<double>(to.sec) - static_cast<double>(from.sec)) +
+         1e-9 * (static_cast<double>(to.nsec) - static_cast<double>(from.nsec));
+}
+
+int first_not_finite(const Eigen::VectorXd& x) noexcept {
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    if (!std::isfinite(x[i])) return static_cast<int>(i);
+  return -1;
+}
+
+}  // namespace
+
+const char* describe(Withheld why) noexcept {
+  switch (why) {
+    case Withheld::none:
+      return "answered";
+    case Withheld::other_joints:
+      return "other joints";
+    case Withheld::joint_missing:
+      return "joint missing";
+    case Withheld::joint_twice:
+      return "joint named twice";
+    case Withheld::incomplete:
+      return "no position, velocity or effort";
+    case Withheld::no_stamp:
+      return "no stamp";
+    case Withheld::bad_value:
+      return "not a number, or far beyond a limit";
+    case Withheld::too_old:
+      return "stamp too far from now";
+    case Withheld::repeated:
+      return "sample repeated";
+    case Withheld::time_went_back:
+      return "time went back";
+    case Withheld::gap:
+      return "gap in time";
+    case Withheld::settling:
+      return "settling after a start";
+  }
+  return "";
+}
+
+double EstimatorCore::settling_time(const TorqueEstimatorOptions& options) {
+  double slowest = options.gain.size() > 0 ? options.gain.minCoeff() : TorqueEstimator<>::usual_gain;
+  if (options.order == ObserverOrder::second)
+    slowest *= std::min(1.0, 2.0 * options.damping * options.damping);
+  return 5.0 / std::min(slowest, 2.0 * M_PI * options.acceleration_cutoff);
+}
+
+EstimatorCore::EstimatorCore(const TorqueModel<>& model, std::vector<std::string> joints,
+                             const EstimatorCoreOptions& options)
+    : map_(std::move(joints)),
+      options_(options),
+      estimator_(model, options.estimator),
+      ws_(model.rigid_body()),
+      poses_(static_cast<std::size_t>(model.size()) + 1),
+      no_acceleration_(Eigen::VectorXd::Zero(model.size())),
+      frames_(WrenchFrame{true, model.size(), Eigen::Isometry3d::Identity()}),
+      records_([&] {
+        EstimatorRecord first;
+        first.rest = Eigen::VectorXd::Zero(model.size());
+        return first;
+      }()),
+      settling_(settling_time(options.estimator)),
+      record_(records_.front()) {
+  if (map_.size() != model.size())
+    throw Error("the model has " + std::to_string(model.size()) + " joints, and " +
+                std::to_string(map_.size()) + " names are given");
+  answer_.estimate = &estimator_.estimate();
+}
+
+void EstimatorCore::retune(const TorqueEstimatorOptions& options) {
+  estimator_.retune(options);
+  settling_.store(settling_time(options), std::memory_order_relaxed);
+}
+
+const EstimatorRecord& EstimatorCore::record() noexcept {
+  records_.update();
+  renew_.store(true, std::memory_order_relaxed);
+  return records_.front();
+}
+
+const EstimatorAnswer& EstimatorCore::handle(const sensor_msgs::JointState& message, double now) noexcept {
+  const auto begin = std::chrono::steady_clock::now();
+  if (renew_.exchange(false, std::memory_order_relaxed)) record_.window = {};
+  if (reset_.exchange(false, std::memory_order_acquire)) {
+    estimator_.reset();
+    started_ = false;
+  }
+  answer_.withheld = Withheld::none;
+  answer_.joint = -1;
+  answer_.status = Status::ok;
+  answer_.has_wrench = false;
+  answer(message, now);
+
+  if (answer_.withheld == Withheld::none) {
+    ++record_.answered;
+  } else {
+    ++record_.withheld[static_cast<std::size_t>(answer_.withheld)];
+    if (answer_.withheld != Withheld::other_joints) {
+      record_.last_withheld = answer_.withheld;
+      record_.last_joint = answer_.joint;
+    }
+  }
+  if (answer_.withheld != Withheld::other_joints) record_.last_status = answer_.status;
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
+  record_.window.worst_compute = std::max(record_.window.worst_compute, taken.count());
+  record_.worst_compute = std::max(record_.worst_compute, taken.count());
+  records_.publish(record_);
+  return answer_;
+}
+
+void EstimatorCore::withhold(Withheld why, int joint) noexcept {
+  answer_.withheld = why;
+  answer_.joint = joint;
+}
+
+void EstimatorCore::answer(const sensor_msgs::JointState& message, double now) noexcept {
+  const JointMap::Found found = map_.read(message);
+  if (found == JointMap::Found::none) return withhold(Withheld::other_joints);
+  ++record_.messages;
+  const std::uint32_t leap = message.header.seq - last_sequence_;  // wraps around as the sequence does
+  if (record_.messages > 1 && leap > 1 && leap < most_dropped) record_.dropped += leap - 1;
+  last_sequence_ = message.header.seq;
+  switch (found) {
+    case JointMap::Found::missing:
+      return withhold(Withheld::joint_missing, map_.joint());
+    case JointMap::Found::twice:
+      return withhold(Withheld::joint_twice, map_.joint());
+    case JointMap::Found::incomplete:
+      return withhold(Withheld::incomplete, map_.joint());
+    default:
+      break;
+  }
+  const ros::Time& stamp = message.header.stamp;
+  if (stamp.isZero()) return withhold(Withheld::no_stamp);
+
+  const double dt = started_ ? seconds_between(last_time_, stamp) : 0.0;
+  started_ = true;
+  last_time_ = stamp;
+  const Estimate<>& estimate = options_.zero_acceleration
+                                   ? estimator_.step(dt, map_.q(), map_.dq(), map_.tau(), no_acceleration_)
+                                   : estimator_.step(dt, map_.q(), map_.dq(), map_.tau());
+  const Status status = answer_.status = estimate.status;
+  EstimatorRecord::Window& window = record_.window;
+  if (dt > 0.0 && !has(status, Status::gap)) {
+    ++window.steps;
+    window.sum += dt;
+    window.sum_of_squares += dt * dt;
+    window.longest = std::max(window.longest, dt);
+  }
+  since_start_ += std::max(dt, 0.0);
+  if (has(status, Status::restarted)) {
+    since_start_ = 0.0;
+    ++record_.starts;
+  }
+  const double age = now > 0.0 ? now - stamp.toSec() : 0.0;
+  window.oldest = std::max(window.oldest, age);
+
+  if (has(status, Status::bad_input)) {
+    int joint = first_not_finite(map_.q());
+    if (joint < 0) joint = first_not_finite(map_.dq());
+    if (joint < 0) joint = first_not_finite(map_.tau());
+    return withhold(Withheld::bad_value, joint);
+  }
+  if (has(status, Status::time_went_back)) return withhold(Withheld::time_went_back);
+  if (has(status, Status::gap)) return withhold(Withheld::gap);
+  if (has(status, Status::stale)) return withhold(Withheld::repeated);
+  if (options_.longest_age > 0.0 && !(std::abs(age) <= options_.longest_age))
+    return withhold(Withheld::too_old);
+  if (since_start_ < settling_.load(std::memory_order_relaxed)) return withhold(Withheld::settling);
+
+  if (has(status, Status::limits_exceeded)) ++record_.beyond_limits;
+  if (has(status, Status::near_singular)) ++record_.near_singular;
+  record_.contact = estimate.contact.any();
+  watch_rest(dt);
+  if (options_.wrench_near_singularities || !has(status, Status::near_singular)) express_wrench();
+}
+
+// The estimator's wrench is about the tip and in the axes of the base.
+void EstimatorCore::express_wrench() noexcept {
+  frames_.update();
+  const WrenchFrame& frame = frames_.front();
+  if (!frame.known) return;
+  forward_kinematics(estimator_.model().rigid_body(), ws_, map_.q(), poses_);
+  const Eigen::Isometry3d pose =
+      frame.link < 0 ? frame.pose : poses_[static_cast<std::size_t>(frame.link)] * frame.pose;
+  const Eigen::Vector3d arm = poses_.back().translation() - pose.translation();
+  const Eigen::Vector3d force = estimator_.estimate().wrench.head<3>();
+  const Eigen::Vector3d moment = estimator_.estimate().wrench.tail<3>() + arm.cross(force);
+  answer_.wrench << pose.linear().transpose() * force, pose.linear().transpose() * moment;
+  answer_.has_wrench = true;
+}
+
+void EstimatorCore::watch_rest(double dt) noexcept {
+  if (!(map_.dq().cwiseAbs().maxCoeff() < at_rest)) {
+    record_.rest_time = 0.0;
+    return;
+  }
+  const Eigen::VectorXd& r = estimator_.estimate().residual;
+  const double share = record_.rest_time > 0.0 ? -std::expm1(-dt / rest_constant) : 1.0;
+  for (Eigen::Index i = 0; i < r.size(); ++i) record_.rest[i] += share * (r[i] - record_.rest[i]);
+  record_.rest_time += dt;
+}
+
+}  // namespace dynid

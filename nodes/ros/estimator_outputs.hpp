@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <geometry_msgs/WrenchStamped.h>
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+#include <sensor_msgs/JointState.h>
+#include <std_msgs/Bool.h>
+
+#include <string>
+#include <vector>
+
+#include "ros/estimator_core.hpp"
+
+namespace dynid {
+
+/// What torque_estimator_node publishes for each message that it answers, with the message's own stamp. The
+/// messages are made once; roscpp serialises them only where someone listens.
+class EstimatorOutputs {
+ public:
+  EstimatorOutputs(ros::NodeHandle& handle, const std::vector<std::string>& joints,
+                   const std::string& wrench_frame);
+
+  /// For an answer that is not withheld.
+  void publish(const EstimatorAnswer& answer, const ros::Time& stamp);
+
+ private:
+  struct Torques {
+    ros::Publisher publisher;
+    sensor_msgs::JointState message;
+  };
+  template <class Values>
+  static void publish(Torques& torques, const Values& values, const ros::Time& stamp);
+
+  Torques tau_model_, tau_friction_, tau_ext_, residual_, contact_joints_;
+  ros::Publisher wrench_publisher_, contact_publisher_;
+  geometry_msgs::WrenchStamped wrench_;
+  std_msgs::Bool contact_;
+};
+
+}  // namespace dynid
