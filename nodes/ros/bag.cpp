@@ -3,7 +3,6 @@
 
 #include <rosbag/bag.h>
 #include <rosbag/chunked_file.h>
-#include <rosbag/view.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -80,33 +79,17 @@ void deserialise(std::uint8_t* data, std::size_t size, JointState& message, cons
   on_message(message);
 }
 
-/// A sound bag, by its index.
-void read_indexed(const std::string& path, Topic& topic, const OnMessage& on_message) {
-  rosbag::Bag bag(path, rosbag::bagmode::Read);
-  rosbag::View view;
-  view.addQuery(bag, [&topic](const rosbag::ConnectionInfo* c) {
-    return topic.is({c->topic, c->datatype, c->md5sum});
-  });
-  std::vector<std::uint8_t> bytes;
-  JointState message;
-  for (const rosbag::MessageInstance& instance : view) {
-    bytes.resize(instance.size());
-    ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-    instance.write(stream);
-    deserialise(bytes.data(), bytes.size(), message, on_message);
-  }
-}
-
-/// A bag without a usable index. rosbag_storage refuses it (BagUnindexedException; making the index again is
-/// a Python program, `rosbag reindex`), though all it takes is to read the records one after the other
-/// (http://wiki.ros.org/Bags/Format/2.0). That is done here and nothing else: chunks are decompressed and
-/// messages deserialised by the libraries. It ends at the first thing that is not a whole, sound record.
+/// The records of a bag one after the other (http://wiki.ros.org/Bags/Format/2.0), in the order in which they
+/// were written; chunks are decompressed and messages deserialised by the libraries. rosbag::View is not
+/// used: it goes by the index alone, so it refuses a bag that was cut short or never closed
+/// (BagUnindexedException; what makes the index again, `rosbag reindex`, is a Python program), and where the
+/// index is damaged it reads beyond its buffers. This ends at the first thing that is not a whole record.
 class Scan {
  public:
   Scan(Topic& topic, const OnMessage& on_message) : topic_(topic), on_message_(on_message) {}
 
-  /// Throws Error where the file is no bag at all.
-  void file(const std::string& path) {
+  /// What is wrong with the bag, empty where it is whole. Throws Error where the file is no bag at all.
+  std::string file(const std::string& path) {
     namespace ipc = boost::interprocess;
     static constexpr std::string_view magic = "#ROSBAG V2.0\n";
     std::error_code error;
@@ -118,7 +101,15 @@ class Scan {
     const std::string_view bytes(static_cast<const char*>(region.get_address()), region.get_size());
     if (bytes.substr(0, magic.size()) != magic)
       throw Error(path + ": not a bag of format 2.0 (its first line is not #ROSBAG V2.0)");
-    records(bytes.substr(magic.size()));
+    try {
+      if (!records(bytes.substr(magic.size()))) return "it is cut short or damaged";
+    } catch (const Error&) {
+      throw;
+    } catch (const std::exception& damage) {  // rosbag's, of many types
+      return damage.what();
+    }
+    if (index_ == 0) return "it has no index: it was never closed";
+    return chunks_ == chunks_listed_ ? "" : "it is cut short";
   }
 
  private:
@@ -158,6 +149,8 @@ class Scan {
       unsigned char op = 0;
       if (!take(bytes, header) || !parse(header, fields) || !number(fields[rosbag::OP_FIELD_NAME], op))
         return false;
+      if (op == rosbag::OP_CHUNK) ++chunks_;
+      if (op == rosbag::OP_CHUNK_INFO) ++chunks_listed_;
       const std::string_view compression = fields[rosbag::COMPRESSION_FIELD_NAME];
       if (op == rosbag::OP_CHUNK && compression == rosbag::COMPRESSION_NONE) {
         // Its records follow as they are: one after the other, even where the chunk is cut off, or its length
@@ -168,7 +161,8 @@ class Scan {
       }
       if (!take(bytes, data)) return false;
       if (op == rosbag::OP_FILE_HEADER) {
-        if (!fields[rosbag::ENCRYPTOR_FIELD_NAME].empty()) return false;
+        if (!fields[rosbag::ENCRYPTOR_FIELD_NAME].empty()) throw std::runtime_error("it is encrypted");
+        number(fields[rosbag::INDEX_POS_FIELD_NAME], index_);
       } else if (op == rosbag::OP_CHUNK) {
         std::uint32_t size = 0;
         if (!number(fields[rosbag::SIZE_FIELD_NAME], size) || !chunk(compression, data, size)) return false;
@@ -211,6 +205,8 @@ class Scan {
   Topic& topic_;
   const OnMessage& on_message_;
   std::set<std::uint32_t> ours_;
+  std::uint64_t index_ = 0;              // where it begins; 0 until the bag is closed
+  long chunks_ = 0, chunks_listed_ = 0;  // met, and in the index
   std::vector<std::uint8_t> buffer_;
   JointState message_;
 };
@@ -322,24 +318,8 @@ Log read_bag(const std::string& path, const std::vector<std::string>& joints, co
   if (warning != nullptr) warning->clear();
   Topic wanted(path, topic);
   Rows rows(wanted, joints);
-  std::string damage;
-  try {
-    read_indexed(path, wanted, [&rows](const JointState& message) { rows.add(message); });
-  } catch (const Error&) {
-    throw;
-  } catch (const std::exception& error) {  // rosbag's, of many types
-    damage = error.what();
-  }
-  if (!damage.empty()) {
-    wanted = Topic(path, topic);
-    rows = Rows(wanted, joints);
-    try {
-      Scan(wanted, [&rows](const JointState& message) { rows.add(message); }).file(path);
-    } catch (const Error&) {
-      throw;
-    } catch (const std::exception&) {  // the damage: what stands before it is kept
-    }
-  }
+  const OnMessage add = [&rows](const JointState& message) { rows.add(message); };
+  const std::string damage = Scan(wanted, add).file(path);
   if (rows.messages() == 0) wanted.nothing(damage);
   Log log = rows.log(path, required);
   if (!damage.empty() && warning != nullptr) {
@@ -360,8 +340,11 @@ void write_bag(const std::string& path, const std::vector<JointState>& messages,
     bag.setCompression(compression == BagCompression::bz2   ? rosbag::compression::BZ2
                        : compression == BagCompression::lz4 ? rosbag::compression::LZ4
                                                             : rosbag::compression::Uncompressed);
-    for (const JointState& message : messages)
-      bag.write(topic, std::max(message.header.stamp, ros::TIME_MIN), message);
+    ros::Time at = ros::TIME_MIN;  // when it was written: never back
+    for (const JointState& message : messages) {
+      at = std::max(at, message.header.stamp);
+      bag.write(topic, at, message);
+    }
     bag.close();
   } catch (const std::exception& error) {
     throw Error(path + ": cannot write: " + error.what());
