@@ -17,6 +17,7 @@
 #include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/error.hpp"
@@ -67,10 +68,10 @@ class Demo {
  private:
   /// What the torque estimator says over some time.
   struct Felt {
-    VectorXd residual;                                ///< [N m] mean, n
-    Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< [N] mean of the wrench's, in the tip's axes
-    bool contact = false;                             ///< flagged at any instant
-    double after = -1.0;                              ///< [s] from the start to the first flag
+    VectorXd residual;                     ///< [N m] mean, n
+    std::optional<Eigen::Vector3d> force;  ///< [N] mean of the wrench's, in the tip's axes
+    bool contact = false;                  ///< flagged at any instant
+    double after = -1.0;                   ///< [s] from the start to the first flag
   };
 
   /// Lets ROS work until the condition holds; throws Error when it does not within `seconds`.
@@ -255,12 +256,17 @@ void Demo::tell(const nlohmann::json& result) {
       line +=
           (&alias == &effect.at("aliases").front() ? "; not told from " : ", ") + alias.get<std::string>();
     say(line);
-    for (const auto& [key, p] : effect.at("parameters").items())
+    for (const auto& [key, p] : effect.at("parameters").items()) {
+      std::string values;
+      for (const nlohmann::json& value :
+           p.at("value").is_array() ? p.at("value") : nlohmann::json{p.at("value")})
+        values += " " + number(value);
       if (p.at("value").is_number())
-        say("       " + key + " " + number(p.at("value")) + " " + p.at("unit").get<std::string>() + " (" +
-            number(p.at("low")) + " to " + number(p.at("high")) + ")");
+        values += " (" + number(p.at("low")) + " to " + number(p.at("high")) + ")";
+      say("       " + key + " [" + p.at("unit").get<std::string>() + "]" + values);
+    }
   }
-  say("     the gap shrinks by " + number(100.0 * diagnosis.at("shrink").at("fraction").get<double>(), 4) +
+  say("     the gap shrinks by " + number(100.0 * diagnosis.at("shrink").at("fraction").get<double>(), 5) +
       " % on data not used");
   summary["diagnosis"] = {{"verdict", diagnosis.at("verdict")},
                           {"effects", diagnosis.at("effects")},
@@ -284,21 +290,27 @@ void Demo::push() {
   Workspace<> ws(model);
   Eigen::MatrixXd J(6, model.size());
   jacobian(model, ws, position_.q(), robot_.tip, J);
-  std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(model.size()) + 1);
-  forward_kinematics(model, ws, position_.q(), poses);
-  const Eigen::Vector3d force = poses.back().linear() * felt.force;
   const VectorXd torque = J.topRows<3>().transpose() * force_;
   const double error = (felt.residual - torque).norm() / torque.norm();
   say("   joint torques it makes [N m]  " + in_a_row(torque));
   say("   residual [N m]                " + in_a_row(felt.residual) + "  (" + number(100.0 * error) +
       " % off)");
-  say("   force at the tip [N]          " + in_a_row(force_) + ", felt" + in_a_row(force));
+  nlohmann::json force;
+  if (felt.force) {
+    std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(model.size()) + 1);
+    forward_kinematics(model, ws, position_.q(), poses);
+    const Eigen::Vector3d in_base = poses.back().linear() * *felt.force;
+    force = to_json(in_base);
+    say("   force at the tip [N]          " + in_a_row(force_) + "; felt" + in_a_row(in_base));
+  } else {
+    say("   the force at the tip is not told: the arm is near a singularity");
+  }
   say(onset.contact ? "   contact flagged after " + number(1e3 * onset.after) + " ms"
                     : "   no contact flagged");
   summary["push"] = {{"force", to_json(force_)},
                      {"torque", to_json(torque)},
                      {"residual", to_json(felt.residual)},
-                     {"force_felt", to_json(force)},
+                     {"force_felt", force},
                      {"relative_error", error},
                      {"contact", onset.contact && felt.contact},
                      {"detected_after_s", onset.after}};
