@@ -38,7 +38,7 @@ class TorqueEstimatorNode {
         tuned_(setup_.core.estimator),
         frames_(setup_.model.file.robot, setup_.frames),
         core_(model(), setup_.joints, setup_.core),
-        outputs_(private_, setup_.joints, frames_.wrench_frame_name()),
+        outputs_(private_, setup_.joints, frames_.wrench_frame_name(), setup_.queue),
         diagnostics_(setup_.joints, handle_.resolveName(setup_.topic), setup_.silence) {
     core_.set_wrench_frame(frames_.wrench_frame());
     for (const std::string& name : parameters_.unknown())

@@ -3,16 +3,10 @@
 
 namespace dynid {
 
-namespace {
-
-constexpr int queue = 10;  // a subscriber that falls behind loses the oldest
-
-}  // namespace
-
 EstimatorOutputs::EstimatorOutputs(ros::NodeHandle& handle, const std::vector<std::string>& joints,
-                                   const std::string& wrench_frame) {
+                                   const std::string& wrench_frame, int queue) {
   const auto advertise = [&](Torques& torques, const char* topic) {
-    torques.publisher = handle.advertise<sensor_msgs::JointState>(topic, queue);
+    torques.publisher = handle.advertise<sensor_msgs::JointState>(topic, static_cast<std::uint32_t>(queue));
     torques.message.name = joints;
     torques.message.effort.assign(joints.size(), 0.0);
   };
@@ -21,8 +15,9 @@ EstimatorOutputs::EstimatorOutputs(ros::NodeHandle& handle, const std::vector<st
   advertise(tau_ext_, "tau_ext");
   advertise(residual_, "residual");
   advertise(contact_joints_, "contact_joints");
-  wrench_publisher_ = handle.advertise<geometry_msgs::WrenchStamped>("external_wrench", queue);
-  contact_publisher_ = handle.advertise<std_msgs::Bool>("contact", queue);
+  wrench_publisher_ =
+      handle.advertise<geometry_msgs::WrenchStamped>("external_wrench", static_cast<std::uint32_t>(queue));
+  contact_publisher_ = handle.advertise<std_msgs::Bool>("contact", static_cast<std::uint32_t>(queue));
   wrench_.header.frame_id = wrench_frame;
 }
 

@@ -18,8 +18,9 @@ namespace dynid {
 /// messages are made once; roscpp serialises them only where someone listens.
 class EstimatorOutputs {
  public:
+  /// queue: of each topic; a subscriber that falls further behind loses the oldest.
   EstimatorOutputs(ros::NodeHandle& handle, const std::vector<std::string>& joints,
-                   const std::string& wrench_frame);
+                   const std::string& wrench_frame, int queue);
 
   /// For an answer that is not withheld.
   void publish(const EstimatorAnswer& answer, const ros::Time& stamp);

@@ -101,7 +101,7 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   setup.payload = read_estimator_payload(parameters);
 
   setup.topic = parameters.text("topic", "joint_states");
-  setup.queue = static_cast<int>(parameters.number("queue", 10.0, {1.0, 1000.0}));
+  setup.queue = static_cast<int>(parameters.number("queue", 20.0, {1.0, 1000.0}));
   setup.silence = parameters.number("silence", 0.5, {0.0, 3600.0, true});
   setup.tf_period = parameters.number("tf_period", 1.0, {0.01, 3600.0});
   setup.diagnostic_period = parameters.number("diagnostic_period", 1.0, {0.05, 3600.0});

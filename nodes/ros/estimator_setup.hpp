@@ -28,7 +28,7 @@ struct EstimatorSetup {
   EstimatorFramesOptions frames;
   LinkInertia payload;
   std::string topic;               ///< of the joint states
-  int queue = 0;                   ///< of the subscription
+  int queue = 0;                   ///< of the subscription and of what is published
   double silence = 0.0;            ///< [s] without a message that is an error
   double tf_period = 0.0;          ///< [s]
   double diagnostic_period = 0.0;  ///< [s]

@@ -42,7 +42,7 @@ Figures loop_back(ros::NodeHandle& handle, int count) {
       ros::VoidPtr(), &queue);
   options.transport_hints = ros::TransportHints().tcpNoDelay();
   const ros::Subscriber subscriber = handle.subscribe(options);
-  ros::Publisher publisher = handle.advertise<sensor_msgs::JointState>("joint_states", 10);
+  ros::Publisher publisher = handle.advertise<sensor_msgs::JointState>("joint_states", 100);
   for (int i = 0; i < 200 && (publisher.getNumSubscribers() == 0 || subscriber.getNumPublishers() == 0); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
