@@ -449,7 +449,10 @@ std::string IdentificationNode::adopt() {
   message.data = result_.dump();
   result_publisher_.publish(message);
   say("done: " + estimator + " has adopted " + model);
-  return estimator + " has adopted " + model;
+  const bool feasible =
+      result_["files"].contains("feasible") || result_["identification"]["physically_consistent"];
+  return estimator + " has adopted " + model +
+         (feasible ? "" : " (its links are not physically consistent: give ~bounds to have that)");
 }
 
 void IdentificationNode::tick() {
@@ -630,7 +633,7 @@ int main(int argc, char** argv) {
     std::signal(SIGTERM, dynid::on_signal);
     dynid::IdentificationNode().spin();
   } catch (const std::exception& error) {
-    ROS_FATAL_STREAM(dynid::one_line(error.what()));
+    std::cerr << "identification_node: " << dynid::one_line(error.what()) << std::endl;  // ROS is shut down
     return 2;
   }
   return 0;
