@@ -8,6 +8,7 @@
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Bool.h>
+#include <tf2_ros/transform_broadcaster.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
 #include <algorithm>
@@ -15,10 +16,12 @@
 #include <cerrno>
 #include <cmath>
 #include <ctime>
+#include <memory>
 #include <mutex>
 #include <thread>
 
 #include "dynid/diagnosis/for_simulation.hpp"
+#include "dynid/dynamics/kinematics.hpp"
 #include "dynid/error.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
@@ -74,6 +77,7 @@ class PlantNode {
   void command(const trajectory_msgs::JointTrajectory::ConstPtr& message);
   void push(const geometry_msgs::WrenchStamped::ConstPtr& message);
   void diagnose(const ros::WallTimerEvent&);
+  void publish_frames(const ros::WallTimerEvent&);
 
   ros::NodeHandle node_, private_{"~"};
   Parameters parameters_{private_};
@@ -86,7 +90,10 @@ class PlantNode {
 
   ros::Publisher joint_states_, executing_, diagnostics_;
   ros::Subscriber command_, push_;
-  ros::WallTimer timer_;
+  ros::WallTimer timer_, frames_timer_;
+  Model<> model_;
+  Workspace<> workspace_;
+  std::unique_ptr<tf2_ros::TransformBroadcaster> frames_;
   std::atomic<bool> real_time_{false}, lost_{false}, end_{false};
   long executed_ = 0, refused_ = 0;
   std::thread thread_;
@@ -144,7 +151,9 @@ PlantNode::PlantNode()
       tolerance_(parameters_.number("tolerance", 0.05, {0.0, 1.0, true})),
       robot_(read_robot()),
       arm_(make_arm()),
-      clock_(period_, now()) {
+      clock_(period_, now()),
+      model_(robot_),
+      workspace_(model_) {
   joint_states_ = node_.advertise<sensor_msgs::JointState>("joint_states", 100);
   executing_ = private_.advertise<std_msgs::Bool>("executing", 10, true);
   diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 1);
@@ -152,6 +161,10 @@ PlantNode::PlantNode()
   command_ = private_.subscribe("command", 2, &PlantNode::command, this, no_delay);
   push_ = private_.subscribe("push", 10, &PlantNode::push, this, no_delay);
   timer_ = node_.createWallTimer(ros::WallDuration(1.0), &PlantNode::diagnose, this);
+  if (parameters_.flag("publish_tf", false)) {
+    frames_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+    frames_timer_ = node_.createWallTimer(ros::WallDuration(0.02), &PlantNode::publish_frames, this);
+  }
 }
 
 PlantNode::~PlantNode() {
@@ -295,6 +308,34 @@ void PlantNode::diagnose(const ros::WallTimerEvent&) {
   array.header.stamp = ros::Time::now();
   array.status.push_back(status);
   diagnostics_.publish(array);
+}
+
+void PlantNode::publish_frames(const ros::WallTimerEvent&) {
+  Eigen::VectorXd q;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    q = arm_.plant().measured_q();
+  }
+  std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(robot_.size()) + 1);
+  forward_kinematics(model_, workspace_, q, poses);
+  std::vector<geometry_msgs::TransformStamped> transforms(poses.size());
+  std::string parent = robot_.base_link;
+  Eigen::Isometry3d in_parent = poses[0];
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    geometry_msgs::TransformStamped& t = transforms[i];
+    t.header.stamp = ros::Time::now();
+    t.header.frame_id = parent;
+    t.child_frame_id = i < robot_.joints.size() ? robot_.joints[i].link_name : robot_.tip_link;
+    if (i > 0) in_parent = poses[i - 1].inverse() * poses[i];
+    const Eigen::Vector3d& at = in_parent.translation();
+    const Eigen::Quaterniond turn(in_parent.linear());
+    t.transform.translation.x = at.x(), t.transform.translation.y = at.y(),
+    t.transform.translation.z = at.z();
+    t.transform.rotation.x = turn.x(), t.transform.rotation.y = turn.y();
+    t.transform.rotation.z = turn.z(), t.transform.rotation.w = turn.w();
+    parent = t.child_frame_id;
+  }
+  frames_->sendTransform(transforms);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Bool.h>
 #include <sys/wait.h>
+#include <tf2_msgs/TFMessage.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
 #include <algorithm>
@@ -219,6 +220,29 @@ TEST_F(PlantNode, APushIsInTheEfforts) {
   EXPECT_TRUE(until([this] { return said_.find("frame 'table'") != std::string::npos; }, 5.0)) << said_;
   wait(3.0);  // nothing renews the push
   EXPECT_LT((mean_tau(1.0) - before).norm(), 0.05 * torque.norm());
+}
+
+TEST_F(PlantNode, PublishesTheFramesOfItsLinks) {
+  tf2_msgs::TFMessage frames;
+  const ros::Subscriber subscriber = node_.subscribe<tf2_msgs::TFMessage>(
+      "/tf", 10, [&](const tf2_msgs::TFMessage::ConstPtr& m) { frames = *m; });
+  ASSERT_TRUE(until([&] { return !frames.transforms.empty(); }));
+  ASSERT_EQ(frames.transforms.size(), 8u);
+  Eigen::Isometry3d tip = Eigen::Isometry3d::Identity();
+  std::string parent = robot_.base_link;
+  for (const geometry_msgs::TransformStamped& t : frames.transforms) {
+    EXPECT_EQ(t.header.frame_id, parent);
+    parent = t.child_frame_id;
+    const auto& x = t.transform.translation;
+    const auto& r = t.transform.rotation;
+    tip = tip * Eigen::Translation3d(x.x, x.y, x.z) * Eigen::Quaterniond(r.w, r.x, r.y, r.z);
+  }
+  EXPECT_EQ(parent, robot_.tip_link);
+  const Model<> model(robot_);
+  Workspace<> ws(model);
+  std::vector<Eigen::Isometry3d> poses(8);
+  forward_kinematics(model, ws, samples_.back().q, poses);
+  EXPECT_LT((tip.matrix() - poses.back().matrix()).norm(), 1e-3);
 }
 
 TEST_F(PlantNode, BadParametersEndItWithOneLine) {
