@@ -109,6 +109,15 @@ void EstimatorFrames::find_wrench_frame(const tf2::BufferCore& tf) {
     const auto found = tf.lookupTransform(name_of(link), wrench_frame_name_, ros::Time(0));
     const Eigen::Isometry3d pose = to_eigen(found.transform);
     if (!pose.matrix().allFinite()) return;
+    // A link that tf calls otherwise than the model would pass for a thing at rest until the arm moves.
+    if (rests && wrench_frame_.known && wrench_frame_.link == -1 && !pose.isApprox(wrench_frame_.pose, 1e-3))
+      wrench_frame_moves_ = true;
+    if (rests && wrench_frame_moves_) {
+      wrench_frame_.known = false;
+      wrench_text_ =
+          wrench_frame_name_ + " moves, and no link of the model carries it: no wrench is published";
+      return;
+    }
     wrench_frame_.known = true;
     wrench_frame_.link = link;
     wrench_frame_.pose = pose;

@@ -24,7 +24,8 @@ struct EstimatorFramesOptions {
 /// of the wrench is. Nothing here waits.
 ///
 /// A frame of the wrench is carried by its nearest ancestor in tf that is a link of the model, the base
-/// included; where there is none (a table, the world) it is taken to rest with respect to the base.
+/// included. Where there is none (a table, the world) it must rest with respect to the base; once it is seen
+/// to move, there is no wrench.
 class EstimatorFrames {
  public:
   EstimatorFrames(const Robot& robot, const EstimatorFramesOptions& options);
@@ -50,7 +51,7 @@ class EstimatorFrames {
   EstimatorFramesOptions options_;
   std::vector<std::string> links_;  // as tf names them: links base to tip, the tip, and last the base
   Eigen::Vector3d model_gravity_;
-  bool gravity_from_tf_ = false, wrench_from_tf_ = false;
+  bool gravity_from_tf_ = false, wrench_from_tf_ = false, wrench_frame_moves_ = false;
   bool gravity_known_ = true;
   Eigen::Vector3d gravity_;
   std::string gravity_text_, wrench_frame_name_, wrench_text_;

@@ -390,6 +390,17 @@ TEST(Frames, WrenchFrameIsCarriedByItsNearestLink) {
   EXPECT_TRUE(frame_of("table").known);
   EXPECT_EQ(frame_of("table").link, -1);
   EXPECT_NEAR((frame_of("table").pose.translation() - Eigen::Vector3d(0.5, 0, -0.2)).norm(), 0.0, 1e-12);
+  // One that moves, and is not on the arm.
+  options.wrench_frame = "cart";
+  EstimatorFrames frames(panda(), options);
+  tf.setTransform(transform("world", "cart", {1, 0, 0}, none, 10.0), "test");
+  frames.update(tf);
+  EXPECT_TRUE(frames.wrench_frame().known);
+  tf.setTransform(transform("world", "cart", {1.1, 0, 0}, none, 11.0), "test");
+  frames.update(tf);
+  EXPECT_FALSE(frames.wrench_frame().known);
+  frames.update(tf);
+  EXPECT_FALSE(frames.wrench_frame().known);
 }
 
 }  // namespace
