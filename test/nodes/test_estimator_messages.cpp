@@ -309,6 +309,8 @@ TEST_F(Messages, RandomGarbageUnderChanges) {
   }
   done = true;
   other.join();
+  core_.adopt(TorqueModel<>(panda()));
+  core_.retune({});
   settle();
 }
 
