@@ -419,6 +419,15 @@ TEST_F(IdentificationNode, MovesTheRobotOnlyWithTheConfirmation) {
   ASSERT_TRUE(node.said("failed: ")) << node.lines();
   EXPECT_NE(node.lines().find("beyond the position limits"), std::string::npos) << node.lines();
   EXPECT_EQ(commands, 3);
+
+  // Without a motion one is looked for, until that is called off.
+  node.set("trajectory", "");
+  node.forget();
+  ASSERT_TRUE(node.call("start"));
+  ASSERT_TRUE(node.said("preparing: searching for a motion")) << node.lines();
+  ASSERT_TRUE(node.call("stop"));
+  ASSERT_TRUE(node.said("idle: cancelled")) << node.lines();
+  EXPECT_EQ(commands, 3);
   node.set("i_confirm_the_robot_may_move", false);
 }
 
