@@ -9,6 +9,7 @@
 #include "dynid/dynamics/dynamics.hpp"
 #include "dynid/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/simulate.hpp"
 #include "ros/plant_arm.hpp"
 #include "ros/plant_clock.hpp"
 #include "ros/plant_command.hpp"
@@ -298,6 +299,32 @@ TEST(PlantArm, HoldsALoadThatItDoesNotKnowAndFollowsAMotion) {
   EXPECT_GT(astray, 0.4);  // it did move
   for (int k = 0; k < 2000; ++k) arm.step();
   EXPECT_LT((arm.plant().q() - to).cwiseAbs().maxCoeff(), 2e-3);
+}
+
+TEST(PlantArm, MeasuresAsDynidSimulateDoes) {
+  const Robot robot = panda();
+  const std::vector<Effect> effects = {parse_effect("payload:mass=1.5,com=0.02:0:0.08", robot),
+                                       parse_effect("torque_offset:joints=2,offset=0.4", robot)};
+  VectorXd to = held();
+  to[1] += 0.5, to[3] += 0.4, to[5] += 0.3;
+  Trajectory motion = motion_from(rest_to_rest(robot, held(), to, 2.0, 41, true), robot, held(), 0.01);
+  SimulateOptions simulated;
+  simulated.measurement = MeasurementOptions::realistic(0.7);
+  simulated.measurement.stamp_jitter = simulated.measurement.repeat_probability = 0.0;  // of the network
+  simulated.spread = 0.02;
+  simulated.seed = 5;
+  const Log log = simulate(robot, effects, motion, simulated).log;
+  PlantArmOptions options;
+  options.effects = effects;
+  options.noise = 0.7, options.spread = 0.02, options.seed = 5;
+  PlantArm arm(robot, held(), options);
+  arm.begin(motion, 0.0);
+  const double turn = 2.0 * M_PI / double(1 << 20);  // one count, where the two round differently
+  for (Eigen::Index k = 0; k < log.samples(); ++k) {
+    ASSERT_LT((arm.plant().measured_q() - log.q.row(k).transpose()).cwiseAbs().maxCoeff(), 2.0 * turn) << k;
+    ASSERT_LT((arm.plant().measured_tau() - log.tau.row(k).transpose()).cwiseAbs().maxCoeff(), 0.05) << k;
+    arm.step();
+  }
 }
 
 TEST(PlantArm, APushIsInTheEfforts) {
