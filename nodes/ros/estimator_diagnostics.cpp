@@ -81,6 +81,9 @@ void EstimatorDiagnostics::input(Wrapper& status) const {
     if (now_.last_withheld == reason && now_.last_joint >= 0) why += " (" + joint(now_.last_joint) + ")";
   }
   const double silent = time_ - last_message_;
+  // A packet lost now and then, on the robot's own side, is how robots are.
+  const std::uint64_t repeated = since(Withheld::repeated);
+  if (refused == repeated && repeated * 20 <= messages) refused = 0;
 
   if (now_.messages == 0 && now_.withheld[static_cast<std::size_t>(Withheld::other_joints)] > 0)
     status.summary(Level::ERROR, topic_ + " has none of the robot's joints");
@@ -98,7 +101,8 @@ void EstimatorDiagnostics::input(Wrapper& status) const {
   else if (messages > 0 && answered == 0)
     status.summary(Level::WARN, "settling after a start");
   else
-    status.summary(Level::OK, "answering");
+    status.summaryf(Level::OK, repeated > 0 ? "answering, but for %llu samples repeated" : "answering",
+                    static_cast<unsigned long long>(repeated));
 
   const EstimatorRecord::Window& window = now_.window;
   const double steps = static_cast<double>(std::max<std::uint64_t>(window.steps, 1));
