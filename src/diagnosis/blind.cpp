@@ -25,8 +25,8 @@ constexpr int draws_of_a_case = 8;  // a robot may run away from its motion: the
 
 // Effects that nothing else of the catalogue can stand in for, alone or with another: taken out of the
 // library, they are unknown.
-constexpr const char* without_twin[] = {"gravity_tilt",      "joint_spring", "torque_ripple",
-                                        "torque_saturation", "time_delay",   "external_contact"};
+constexpr const char* without_twin[] = {"gravity_tilt", "torque_ripple", "torque_saturation", "time_delay",
+                                        "external_contact"};
 constexpr const char* unknown_kinds[] = {"unknown_periodic", "unknown_product", "unknown_wander"};
 
 /// What the robot is given in one case.
@@ -39,12 +39,17 @@ struct Draw {
   unsigned long seed = 0;
 };
 
+BlindKind kind_of(const BlindOptions& options, int index) {
+  constexpr BlindKind turns[] = {BlindKind::clean, BlindKind::nominal, BlindKind::weak};
+  return options.kind == BlindKind::mixed ? turns[index % 3] : options.kind;
+}
+
 Draw draw_case(const Robot& robot, const BlindOptions& options, int index, int attempt) {
   std::seed_seq sequence{options.seed, static_cast<unsigned long>(index),
                          static_cast<unsigned long>(attempt)};
   std::mt19937_64 random(sequence);
   std::uniform_real_distribution<double> uniform;
-  const double strength = options.kind == BlindKind::weak ? 0.3 : 1.0;
+  const double strength = kind_of(options, index) == BlindKind::weak ? 0.3 : 1.0;
   const auto& catalogue = simulation_effects();
   const auto any = [&] { return catalogue[random() % catalogue.size()].name; };
   Draw draw;
@@ -100,13 +105,13 @@ Eigen::MatrixXd torque_of_unknown(const Draw& draw, const Log& log, unsigned lon
   return tau;
 }
 
-SimulateOptions plant_options(const BlindOptions& options, unsigned long seed) {
+SimulateOptions plant_options(const BlindOptions& options, BlindKind kind, unsigned long seed) {
   SimulateOptions plant;
   plant.measurement = MeasurementOptions::realistic();
   plant.rate = options.rate;
   plant.seed = seed;
   plant.record_torques = false;
-  if (options.kind == BlindKind::nominal) {
+  if (kind == BlindKind::nominal) {
     plant.spread = 0.02;
   } else {
     plant.measurement.correlated_noise = 0.0;
@@ -138,17 +143,29 @@ nlohmann::json label_json(const Robot& robot, const Draw& draw) {
 }
 
 /// The two logs of a case: one robot, two motions.
-void record(const Robot& nominal, const BlindOptions& options, const Draw& draw, const std::string& folder) {
+void record(const Robot& nominal, const BlindOptions& options, BlindKind kind, const Draw& draw,
+            const std::string& folder) {
   std::filesystem::create_directories(folder);
   for (int l = 0; l < 2; ++l) {
     const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
-    SimulateOptions plant = plant_options(options, seed);
+    SimulateOptions plant = plant_options(options, kind, seed);
     const Robot robot = perturbed(nominal, plant.spread, draw.seed);
     plant.spread = 0.0;
     SimulatedRun run = simulate(robot, draw.effects, random_motion(nominal, options.duration, seed), plant);
     if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(draw, run.log, seed);
     write_log(folder + (l == 0 ? "/log_a.csv" : "/log_b.csv"), run.log);
   }
+}
+
+/// The library without the effects that were put in; nothing where they are not all of it.
+std::vector<std::string> all_but(const Draw& draw) {
+  std::vector<std::string> others;
+  if (draw.effects.empty() || !draw.withheld.empty()) return others;
+  for (const auto& h : hypotheses())
+    if (std::none_of(draw.effects.begin(), draw.effects.end(),
+                     [&](const Effect& e) { return e.name == h->name(); }))
+      others.push_back(h->name());
+  return others;
 }
 
 std::string case_name(int index) {
@@ -174,14 +191,15 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
     const std::string name = case_name(static_cast<int>(k));
     const fs::path folder = logs / name;
     try {
-      std::vector<std::string> withhold;
+      std::vector<std::string> withhold, others;
       for (int attempt = 0; attempt < draws_of_a_case; ++attempt) {
         try {
           // The draw is forgotten before the diagnosis begins; the label goes to the sealed folder.
           const Draw draw = draw_case(nominal, options, static_cast<int>(k), attempt);
-          record(nominal, options, draw, folder.string());
+          record(nominal, options, kind_of(options, static_cast<int>(k)), draw, folder.string());
           write_file((sealed / (name + ".json")).string(), label_json(nominal, draw).dump(1) + "\n");
           withhold = draw.withheld;
+          others = all_but(draw);
           break;
         } catch (const Error&) {
           if (attempt + 1 == draws_of_a_case) throw;
@@ -190,10 +208,10 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       DiagnoseOptions diagnose_options = options.diagnose;
       diagnose_options.withhold.insert(diagnose_options.withhold.end(), withhold.begin(), withhold.end());
       diagnose_options.progress = nullptr;
-      const Diagnosis d = diagnose(nominal,
-                                   {read_log((folder / "log_a.csv").string(), nominal.size()),
-                                    read_log((folder / "log_b.csv").string(), nominal.size())},
-                                   diagnose_options);
+      diagnose_options.replay = false;
+      const std::vector<Log> pair = {read_log((folder / "log_a.csv").string(), nominal.size()),
+                                     read_log((folder / "log_b.csv").string(), nominal.size())};
+      const Diagnosis d = diagnose(nominal, pair, diagnose_options);
       here.withheld = withhold;
       here.verdict = d.verdict;
       here.p_value = d.p_value;
@@ -201,7 +219,12 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       here.found = d.effects;
       here.ranking = d.ranking;
       here.shrink = d.shrink.fraction;
+      here.nominal_error = d.nominal_error;
       here.seconds = d.seconds;
+      if (!others.empty()) {  // what could have been had, now that the diagnosis is done
+        diagnose_options.withhold = others;
+        here.true_shrink = diagnose(nominal, pair, diagnose_options).shrink.fraction;
+      }
     } catch (const std::exception& failure) {
       here.failure = failure.what();
     }
@@ -219,9 +242,35 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
   return cases;
 }
 
+std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
+  std::vector<ComparedInterval> out;
+  if (c.truth.size() != 1 || c.found.empty() || c.found.front().effect.name != c.truth.front().name ||
+      !c.withheld.empty())
+    return out;
+  const Effect& e = c.truth.front();
+  const FoundEffect& first = c.found.front();
+  const auto has = [](const std::vector<int>& joints, int joint) {
+    return std::find(joints.begin(), joints.end(), joint) != joints.end();
+  };
+  for (const Estimate& p : first.parameters) {
+    const auto found = e.parameters.find(p.key);
+    if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
+      continue;
+    if (p.key == "velocity_scale" || p.key == "inertia" || p.key == "link" || p.key == "exponent") continue;
+    for (Eigen::Index i = 0; i < p.value.size(); ++i) {
+      const double truth = found->second[static_cast<std::size_t>(i)];
+      const int joint = static_cast<int>(i) + 1;
+      const bool per_joint = p.value.size() >= 4;
+      if (truth == 0.0 || (per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint)))) continue;
+      out.push_back({p.value[i], p.low[i], p.high[i], truth});
+    }
+  }
+  return out;
+}
+
 BlindScore score(const std::vector<BlindCase>& cases) {
   BlindScore s;
-  std::vector<double> errors, shrinks;
+  std::vector<double> errors, shrinks, ratios;
   std::vector<double> bin_sum(10, 0.0), bin_right(10, 0.0);
   int judged = 0;
   for (const BlindCase& c : cases) {
@@ -280,30 +329,13 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       bin_right[bin] += right ? 1.0 : 0.0;
       if (!right && first->probability >= 0.9) ++s.confident_wrong;
     }
-    if (right && c.truth.size() == 1) {
-      const Effect& e = c.truth.front();
-      if (e.joints == first->effect.joints) ++s.joints_right;
-      for (const Estimate& p : first->parameters) {
-        const auto found = e.parameters.find(p.key);
-        if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
-          continue;
-        if (p.key == "velocity_scale" || p.key == "inertia" || p.key == "link") continue;
-        for (Eigen::Index i = 0; i < p.value.size(); ++i) {
-          const double true_value = found->second[static_cast<std::size_t>(i)];
-          const int joint = static_cast<int>(i) + 1;
-          const bool listed = p.value.size() != static_cast<Eigen::Index>(found->second.size()) ||
-                              p.value.size() < 4 ||
-                              std::find(e.joints.begin(), e.joints.end(), joint) != e.joints.end();
-          if (!listed || true_value == 0.0) continue;
-          if (p.value.size() >= 4 && std::find(first->effect.joints.begin(), first->effect.joints.end(),
-                                               joint) == first->effect.joints.end())
-            continue;
-          ++s.intervals;
-          if (p.low[i] <= true_value && true_value <= p.high[i]) ++s.covered;
-          errors.push_back(std::abs(p.value[i] - true_value) / std::abs(true_value));
-        }
-      }
+    if (right && c.truth.size() == 1 && c.truth.front().joints == first->effect.joints) ++s.joints_right;
+    for (const ComparedInterval& i : compared_intervals(c)) {
+      ++s.intervals;
+      if (i.low <= i.truth && i.truth <= i.high) ++s.covered;
+      errors.push_back(std::abs(i.value - i.truth) / std::abs(i.truth));
     }
+    if (c.true_shrink > 0.2) ratios.push_back(std::max(0.0, c.shrink) / c.true_shrink);
     shrinks.push_back(c.shrink);
   }
   const auto middle = [](std::vector<double> x) {
@@ -313,6 +345,7 @@ BlindScore score(const std::vector<BlindCase>& cases) {
   };
   s.parameter_error = middle(errors);
   s.shrink = middle(shrinks);
+  s.shrink_of_true = middle(ratios);
   for (std::size_t b = 0; b < 10; ++b)
     if (judged > 0) s.calibration_error += std::abs(bin_right[b] - bin_sum[b]) / judged;
   return s;

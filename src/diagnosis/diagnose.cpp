@@ -7,8 +7,10 @@
 #include <cmath>
 #include <random>
 
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/error.hpp"
+#include "dynid/signal/filter.hpp"
 #include "next_experiment.hpp"
 #include "rollout.hpp"
 #include "rows.hpp"
@@ -27,14 +29,10 @@ using detail::UnitShape;
 
 namespace {
 
-// Standard deviations, as measured on simulated cases, are short by this: where the nominal model is right,
-// and where it is off (its errors are held by a few directions only).
-constexpr double interval_factor = 1.4, interval_factor_off = 2.2;
-constexpr double floor_room = 3.0;                               // coloured noise in parts of the white floor
-constexpr double least_explained = 0.65, fully_explained = 0.9;  // parts of the gap's energy
-constexpr double doubt = 0.01;         // that none of what was compared is right, at least
-constexpr double detection = 0.05;     // p-value of a gap
-constexpr double block_seconds = 1.0;  // of held-out blocks and of the bootstrap
+constexpr double floor_room = 3.0;                              // coloured noise in parts of the white floor
+constexpr double least_explained = 0.5, fully_explained = 0.9;  // parts of the gap's energy
+constexpr double detection = 0.05;                              // p-value of a gap
+constexpr double block_seconds = 1.0;                           // of held-out blocks and of the bootstrap
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
   return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
@@ -98,6 +96,36 @@ std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen
 /// Energy in units of the floor, joints pooled.
 double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
   return (x * floor.cwiseInverse().asDiagonal()).squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()));
+}
+
+/// What each effect takes of the explained energy, averaged over the orders in which they may come (Shapley;
+/// Lindeman, Merenda and Gold 1980), of a sum of 1.
+std::vector<double> shapley_shares(const Search& search, const GapModel& model,
+                                   const Eigen::VectorXd& floor) {
+  const std::size_t count = model.effects.size(), subsets = std::size_t{1} << count;
+  std::vector<double> explained(subsets, 0.0), shares(count, 0.0);
+  const double before = energy(search.rows().y, floor);
+  for (std::size_t subset = 1; subset < subsets; ++subset) {
+    std::vector<Adopted> effects;
+    for (std::size_t k = 0; k < count; ++k)
+      if ((subset >> k & 1U) != 0) effects.push_back(model.effects[k]);
+    explained[subset] = before - energy(search.evaluate(std::move(effects), model.kappa).fit.left, floor);
+  }
+  const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };
+  double sum = 0.0;
+  for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t subset = 0; subset < subsets; ++subset) {
+      if ((subset >> k & 1U) != 0) continue;
+      std::size_t size = 0;
+      for (std::size_t i = 0; i < count; ++i) size += subset >> i & 1U;
+      shares[k] += factorial(size) * factorial(count - size - 1) / factorial(count) *
+                   (explained[subset | std::size_t{1} << k] - explained[subset]);
+    }
+    shares[k] = std::max(0.0, shares[k]);
+    sum += shares[k];
+  }
+  for (double& share : shares) share = sum > 0.0 ? share / sum : 0.0;
+  return shares;
 }
 
 double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
@@ -228,10 +256,11 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (const Eigen::VectorXd& v : best.values) drawn.emplace_back(v.size(), draws);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
+  const double factor = model.kappa > 0.0 ? calibration().interval_factor_off : calibration().interval_factor;
   for (int d = 0; d < draws; ++d) {
     Eigen::VectorXd z(chosen.size());
     for (double& x : z) x = normal(random);
-    const Eigen::VectorXd change = (model.kappa > 0.0 ? interval_factor_off : interval_factor) * (root * z);
+    const Eigen::VectorXd change = factor * (root * z);
     std::vector<Eigen::VectorXd> moved = shapes;
     for (Eigen::Index k = 0; k < extra; ++k) {
       const auto& [unit, s] = shape_of[static_cast<std::size_t>(k)];
@@ -258,6 +287,39 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
     found.parameters.push_back(std::move(estimate));
   }
   return found;
+}
+
+/// What no diagnosis can be built on: torques that are not measured, a velocity that is not that of the
+/// positions.
+std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<PreparedLog>& prepared) {
+  constexpr double moving = 0.02;           // [rad/s], [m/s]
+  constexpr double largest_mismatch = 0.5;  // of the velocity
+  std::vector<DataIssue> out;
+  for (std::size_t l = 0; l < logs.size(); ++l) {
+    std::vector<int> dead, other;
+    double worst = 0.0;
+    for (int j = 0; j < logs[l].joints(); ++j) {
+      if (logs[l].tau.col(j).maxCoeff() == logs[l].tau.col(j).minCoeff()) dead.push_back(j + 1);
+      double speed = 0.0, mismatch = 0.0;
+      for (const Segment& s : prepared[l].segments) {
+        const Eigen::VectorXd rate = differentiate(s.q.col(j), s.rate);
+        speed += rate.squaredNorm();
+        mismatch += (s.speed.col(j) - rate).squaredNorm();
+      }
+      double samples = 0.0;
+      for (const Segment& s : prepared[l].segments) samples += double(s.t.size());
+      if (speed < moving * moving * samples) continue;
+      if (mismatch > largest_mismatch * largest_mismatch * speed) other.push_back(j + 1);
+      worst = std::max(worst, std::sqrt(mismatch / speed));
+    }
+    if (!dead.empty())
+      out.push_back({"torque_missing", dead, double(dead.size()), "1",
+                     logs[l].source + ": a torque channel never changes"});
+    if (!other.empty())
+      out.push_back({"velocity_mismatch", other, worst, "1",
+                     logs[l].source + ": the velocity is not that of the positions (another unit?)"});
+  }
+  return out;
 }
 
 }  // namespace
@@ -305,6 +367,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     }
   }
   out.cutoff = prepare_options.cutoff;
+  prepare_options.speed_cutoff = detail::speed_band;
   for (const Log& log : logs) out.logs.push_back(prepare(log, prepare_options));
 
   // What chooses and fits, and what only judges.
@@ -323,7 +386,22 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     last = alternate(everything, true, block_seconds, guard);
   }
   const GapRows rows(everything, first), held(everything, last);
+  out.rms = rms(everything.y);
+  out.floor = everything.white_floor;
+  const std::vector<DataIssue> invalid = unusable(logs, out.logs);
   for (PreparedLog& log : out.logs) log.segments.clear();
+  if (!invalid.empty()) {
+    out.logs.front().report.issues.insert(out.logs.front().report.issues.begin(), invalid.begin(),
+                                          invalid.end());
+    out.verdict = Verdict::data_invalid;
+    out.shrink.before = out.shrink.after = out.rms;
+    out.shrink.floor = out.floor;
+    out.series = {everything.log, everything.t, everything.y, everything.y, last};
+    for (const auto& h : hypotheses()) out.ranking.emplace_back(h->name(), 0.0);
+    out.next.text = "Record again: " + invalid.front().text + ".";
+    out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    return out;
+  }
   if (rows.size() < 40 || held.size() < 10)
     throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
                 std::to_string(held.size()) + " to judge by are too few");
@@ -335,18 +413,30 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   say("effects", 0.1);
   const Search search(rows, library);
 
-  // How far off the nominal parameters are is found with the effects: first as if they were exact, then once
-  // more with the error that the data ask for.
+  // How far off the nominal parameters are is found along with the effects: an error of the model must not
+  // be named an effect, nor an effect be taken for such an error.
   say("choosing effects", 0.3);
-  GapModel model = search.best(0.0, options.most_effects);
-  double kappa = 0.0, score = std::max(model.score, search.none(0.0).score);
-  for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
-    if (k > 1.5 * options.tolerance) continue;
-    const double here = std::max(search.evaluate(model.effects, k).score, search.none(k).score);
-    if (here > score + 2.0) kappa = k, score = here;
+  const auto tuned = [&](const std::vector<std::vector<Adopted>>& sets) {
+    double kappa = 0.0, best = search.none(0.0).score;
+    for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
+    for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
+      if (k > 1.5 * options.tolerance) continue;
+      double here = search.none(k).score;
+      for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
+      if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
+    }
+    return kappa;
+  };
+  const double first_kappa = tuned({search.best(0.0, 1).effects});
+  GapModel model = search.best(first_kappa, options.most_effects);
+  std::vector<std::vector<Adopted>> sets = {model.effects};
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    sets.push_back(model.effects);
+    sets.back().erase(sets.back().begin() + static_cast<std::ptrdiff_t>(k));
   }
-  if (kappa > 0.0) {
-    say("choosing effects, the nominal model being off", 0.5);
+  const double kappa = tuned(sets);
+  if (kappa != first_kappa) {
+    say("choosing effects again", 0.5);
     const GapModel again = search.best(kappa, options.most_effects);
     if (again.score > model.score) model = again;
   }
@@ -361,7 +451,6 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd noise =
       rms(model.fit.residual).cwiseMin(floor_room * rows.white_floor).cwiseMax(rows.white_floor);
-  out.rms = rms(everything.y);
   out.floor = noise;
   out.where = detail::locate(rows, rms(model.fit.residual).cwiseMax(rows.white_floor),
                              detail::surrogates(rows, rows.y, options.surrogates, options.seed));
@@ -379,11 +468,20 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.explained = model.effects.empty() ? 0.0 : explained(rows, model.fit.residual);
   const bool once =
       std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); });
-  if (!model.effects.empty() && !once) {
-    // What was found has to hold where it was not found.
-    const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
-    out.explained =
-        std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
+  if (!model.effects.empty()) {
+    // What was found has to hold where it was not found; what does not come back there has no say.
+    Eigen::MatrixXd rest = held.y;
+    bool any = false;
+    for (std::size_t k = 0; k < model.effects.size(); ++k) {
+      if (model.effects[k].h->once()) continue;
+      rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+      any = true;
+    }
+    if (!once)
+      out.explained =
+          std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
+    else if (any && energy(rest, noise) > energy(held.y, noise) + double(noise.size()))
+      out.explained = 0.0;
   }
   if (model.effects.empty()) {
     if (left_over(model.fit.residual))
@@ -396,6 +494,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     out.verdict = left_over(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
                                                                                    : Verdict::explained;
   }
+  if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
+    out.smallest_visible = search.smallest_visible(none);
   std::vector<std::string> names;
   for (const Log& log : logs) names.push_back(log.source);
   out.windows = detail::windows(rows, rows.y, names);
@@ -403,22 +503,21 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   // Which effect could stand in the place of each.
   say("alternatives", 0.8);
   const bool adopt = out.verdict == Verdict::explained || out.verdict == Verdict::partly_explained;
-  std::vector<double> shares;
-  for (std::size_t k = 0; k < model.effects.size(); ++k)
-    shares.push_back(
-        energy(contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)), noise));
+  const std::vector<double> shares = shapley_shares(search, model, noise);
   std::vector<std::size_t> order(model.effects.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
-  double total_share = 0.0;
-  for (const double s : shares) total_share += s;
   const GapRows& whole = windowed ? rows : everything;
   const std::vector<Adopted> final_effects = carried(whole, model.effects);
   GapModel final_model = model;
   final_model.effects = final_effects;
   final_model.fit = fit_of(whole, final_effects, model.kappa);
   std::map<std::string, double> ranking;
+  const double temperature = calibration().temperature;
+  // Not only the others compared may be right instead, but none of them.
+  const double sure =
+      1.0 - std::min(0.99, calibration().doubt + calibration().doubt_of_rest * (1.0 - out.explained));
   for (const std::size_t k : order) {
     std::vector<Adopted> others = model.effects;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
@@ -432,16 +531,16 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       const std::string name = m.effects.back().h->name();
       double& best = scores.emplace(name, m.score).first->second;
       best = std::max(best, m.score);
-      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - detail::score_temperature)
+      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - temperature)
         found.aliases.push_back(name);
     }
     double sum = 0.0;
-    for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / detail::score_temperature);
-    found.probability = (1.0 - doubt) / sum;
+    for (const auto& [name, s] : scores) sum += std::exp((s - model.score) / temperature);
+    found.probability = sure / sum;
     if (k == order.front())
       for (const auto& [name, s] : scores)
-        ranking[name] = (1.0 - doubt) * std::exp((s - model.score) / detail::score_temperature) / sum;
-    found.share = total_share > 0.0 ? shares[k] / total_share : 0.0;
+        ranking[name] = sure * std::exp((s - model.score) / temperature) / sum;
+    found.share = shares[k];
     if (adopt) out.effects.push_back(std::move(found));
   }
   for (const Hypothesis* h : library) ranking.emplace(h->name(), 0.0);
@@ -471,9 +570,11 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
         if (last[i]) part.row(static_cast<Eigen::Index>(i)).setZero();
     out.series.after -= part;
   }
-  say("replaying the motion", 0.97);
-  out.rollout = detail::roll_out(nominal, out.effects, everything, last);
-  out.next = detail::next_experiment(nominal, out);
+  if (options.replay) {
+    say("replaying the motion", 0.97);
+    out.rollout = detail::roll_out(nominal, out.effects, everything, last);
+    out.next = detail::next_experiment(nominal, out);
+  }
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   return out;
 }

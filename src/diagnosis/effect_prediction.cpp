@@ -6,6 +6,7 @@
 #include "dynid/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/prepare.hpp"
+#include "rows.hpp"
 
 namespace dynid {
 
@@ -19,6 +20,7 @@ Eigen::MatrixXd predict_effects(const Robot& robot, const Log& log, double cutof
   PrepareOptions options;
   options.cutoff = cutoff;
   options.bridge_gaps = true;
+  options.speed_cutoff = detail::speed_band;
   const PreparedLog prepared = prepare(motion, options);
   const GapMotion along(robot, prepared.segments.front(), prepared.segments.front().t[0]);
   const Eigen::MatrixXd torque = effect_torque(robot, along);

@@ -47,25 +47,19 @@ struct Normal {
   Eigen::MatrixXd G;     // p x p
   Eigen::VectorXd h;     // p
   Eigen::MatrixXd back;  // nuisance x (p + 1): A^-1 N^T [Phi | y]
-  double log_det = 0.0;
 };
 
-Normal normal_equations(const GapRows& rows, int joint, const Eigen::VectorXd& y,
-                        const Eigen::MatrixXd& columns, const ChannelNoise& noise, double kappa) {
+Normal normal_equations(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns,
+                        const Whitener& by) {
   const Eigen::Index p = columns.cols();
   Eigen::MatrixXd all(y.size(), p + 1);
   all << columns, y;
-  const Eigen::MatrixXd w = whitened(rows, all, noise);
+  const Eigen::MatrixXd w = whitened(rows, all, by.noise);
   Normal out;
   Eigen::MatrixXd G = w.transpose() * w;
-  const Eigen::MatrixXd N = whitened(rows, nuisance(rows, joint, kappa), noise);
-  Eigen::MatrixXd A = N.transpose() * N;
-  A.diagonal().array() += 1.0;
-  const Eigen::LLT<Eigen::MatrixXd> llt(A);
-  const Eigen::MatrixXd NtW = N.transpose() * w;
-  out.back = llt.solve(NtW);
+  const Eigen::MatrixXd NtW = by.nuisance.transpose() * w;
+  out.back = by.llt.solve(NtW);
   G -= NtW.transpose() * out.back;
-  out.log_det = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
   out.G = G.topLeftCorner(p, p);
   out.h = G.topRightCorner(p, 1);
   return out;
@@ -84,24 +78,103 @@ Eigen::VectorXd solve(Eigen::MatrixXd G, const Eigen::VectorXd& h, Eigen::Matrix
 }
 
 /// What theta leaves, what the nuisance takes of it, and the noise and evidence of the rest.
-void finish(const GapRows& rows, int joint, const Normal& normal, const Eigen::VectorXd& left,
+void finish(const GapRows& rows, int joint, const Normal& normal, double log_det, const Eigen::VectorXd& left,
             const Eigen::VectorXd& theta, double kappa, ChannelNoise& noise, Eigen::VectorXd& residual,
             double& evidence) {
-  residual = left;
   Eigen::VectorXd x(theta.size() + 1);
   x << -theta, 1.0;
   const Eigen::VectorXd delta = normal.back * x;
-  residual -= nuisance(rows, joint, kappa) * delta;
+  residual = left - delta[delta.size() - 1] * rows.timing.col(joint);
+  if (kappa > 0.0)
+    residual.noalias() -=
+        rows.nuisance[static_cast<std::size_t>(joint)] * (kappa * delta.head(delta.size() - 1));
   const double prior = delta.squaredNorm();
   noise = estimate(rows, residual);
   const double size = residual.squaredNorm() / double(rows.size()), floor = room * rows.white_floor[joint];
   evidence = -0.5 * (double(rows.size()) * ((1.0 - own_size) * std::log(noise.variance) +
                                             own_size * std::log(size + floor * floor + 1e-18)) +
-                     prior + normal.log_det);
+                     prior + log_det);
 }
 
-ChannelNoise first_guess(const Eigen::VectorXd& y) {
-  return {Eigen::VectorXd::Zero(order), y.squaredNorm() / double(y.size()) + 1e-18};
+/// One step: coefficients by the given noise, then the noise of what they leave.
+void step(const GapRows& rows, int joint, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns,
+          double kappa, const Whitener& by, ChannelFit& fit) {
+  const Normal normal = normal_equations(rows, y, columns, by);
+  fit.theta = solve(normal.G, normal.h, nullptr);
+  const Eigen::VectorXd left = fit.theta.size() > 0 ? Eigen::VectorXd(y - columns * fit.theta) : y;
+  finish(rows, joint, normal, by.log_det, left, fit.theta, kappa, fit.noise, fit.residual, fit.evidence);
+}
+
+/// Terms put together: each joint's gap less what is fixed, its columns, and where they stand among all.
+struct Assembled {
+  Eigen::MatrixXd y;
+  std::vector<Eigen::MatrixXd> columns;
+  std::vector<std::vector<Eigen::Index>> where;
+  Eigen::Index size = 0;
+};
+
+Assembled assemble(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms) {
+  const auto n = static_cast<std::size_t>(rows.joints());
+  Assembled out{y, std::vector<Eigen::MatrixXd>(n), std::vector<std::vector<Eigen::Index>>(n), 0};
+  std::vector<const RowBlock*> free;
+  for (const Term& term : terms) {
+    if (term.fixed) {
+      for (std::size_t k = 0; k < term.block->channels.size(); ++k)
+        out.y.col(term.block->channels[k]) -= term.block->values[k].rowwise().sum();
+    } else {
+      free.push_back(term.block);
+      out.size += term.block->size();
+    }
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    Eigen::Index offset = 0;
+    std::vector<const Eigen::MatrixXd*> mine;
+    for (const RowBlock* block : free) {
+      if (const Eigen::MatrixXd* values = block->find(static_cast<int>(j))) {
+        mine.push_back(values);
+        for (Eigen::Index k = 0; k < values->cols(); ++k) out.where[j].push_back(offset + k);
+      }
+      offset += block->size();
+    }
+    out.columns[j].resize(rows.size(), static_cast<Eigen::Index>(out.where[j].size()));
+    Eigen::Index column = 0;
+    for (const Eigen::MatrixXd* values : mine) {
+      out.columns[j].middleCols(column, values->cols()) = *values;
+      column += values->cols();
+    }
+  }
+  return out;
+}
+
+/// One step of all joints together.
+void step(const GapRows& rows, const Assembled& all, double kappa, const std::vector<Whitener>& by,
+          Fit& fit) {
+  const auto n = static_cast<std::size_t>(rows.joints());
+  std::vector<Normal> normals;
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size);
+  Eigen::VectorXd h = Eigen::VectorXd::Zero(all.size);
+  for (std::size_t j = 0; j < n; ++j) {
+    normals.push_back(normal_equations(rows, all.y.col(static_cast<Eigen::Index>(j)), all.columns[j], by[j]));
+    const std::vector<Eigen::Index>& where = all.where[j];
+    h(where) += normals.back().h;
+    G(where, where) += normals.back().G;
+  }
+  fit.theta = solve(G, h, &fit.covariance);
+  fit.left.resize(rows.size(), rows.joints());
+  fit.residual.resize(rows.size(), rows.joints());
+  fit.noise.resize(n);
+  fit.evidence.resize(rows.joints());
+  for (std::size_t k = 0; k < n; ++k) {
+    const auto j = static_cast<Eigen::Index>(k);
+    const Eigen::VectorXd mine = fit.theta(all.where[k]);
+    Eigen::VectorXd left = all.y.col(j), residual;
+    if (mine.size() > 0) left -= all.columns[k] * mine;
+    finish(rows, static_cast<int>(k), normals[k], by[k].log_det, left, mine, kappa, fit.noise[k], residual,
+           fit.evidence[j]);
+    fit.left.col(j) = left;
+    fit.residual.col(j) = residual;
+  }
+  fit.total = fit.evidence.sum();
 }
 
 }  // namespace
@@ -125,90 +198,65 @@ Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const Ch
   return w;
 }
 
+Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, double kappa) {
+  Whitener out;
+  out.noise = noise;
+  out.nuisance = whitened(rows, nuisance(rows, joint, kappa), noise);
+  Eigen::MatrixXd A = out.nuisance.transpose() * out.nuisance;
+  A.diagonal().array() += 1.0;
+  out.llt.compute(A);
+  out.log_det = 2.0 * out.llt.matrixLLT().diagonal().array().log().sum();
+  return out;
+}
+
+ChannelNoise white(const Eigen::VectorXd& y) {
+  return {Eigen::VectorXd::Zero(order), y.squaredNorm() / double(y.size()) + 1e-18};
+}
+
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, double kappa) {
   // The steps need not climb (a residual that wanders makes the next step look at its corners alone): the
   // best counts.
   ChannelFit best, fit;
-  fit.noise = first_guess(y);
+  fit.noise = white(y);
   for (int k = 0; k < iterations; ++k) {
-    const Normal normal = normal_equations(rows, joint, y, columns, fit.noise, kappa);
-    fit.theta = solve(normal.G, normal.h, nullptr);
-    const Eigen::VectorXd left = fit.theta.size() > 0 ? Eigen::VectorXd(y - columns * fit.theta) : y;
-    finish(rows, joint, normal, left, fit.theta, kappa, fit.noise, fit.residual, fit.evidence);
+    step(rows, joint, y, columns, kappa, whitener(rows, joint, fit.noise, kappa), fit);
     if (k == 0 || fit.evidence > best.evidence) best = fit;
   }
   return best;
 }
 
-Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y_all, const std::vector<Term>& terms,
-              double kappa) {
-  const int n = rows.joints();
-  Eigen::MatrixXd y = y_all;
-  std::vector<const RowBlock*> free;
-  Eigen::Index size = 0;
-  for (const Term& term : terms) {
-    if (term.fixed) {
-      for (std::size_t k = 0; k < term.block->channels.size(); ++k)
-        y.col(term.block->channels[k]) -= term.block->values[k].rowwise().sum();
-    } else {
-      free.push_back(term.block);
-      size += term.block->size();
-    }
+ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
+                       const Eigen::MatrixXd& columns, double kappa, const std::vector<Whitener>& by) {
+  ChannelFit best, fit;
+  for (std::size_t k = 0; k < by.size(); ++k) {
+    step(rows, joint, y, columns, kappa, by[k], fit);
+    if (k == 0 || fit.evidence > best.evidence) best = fit;
   }
-  // Each joint's columns, and where they stand among all.
-  std::vector<Eigen::MatrixXd> columns(static_cast<std::size_t>(n));
-  std::vector<std::vector<Eigen::Index>> where(static_cast<std::size_t>(n));
-  for (int j = 0; j < n; ++j) {
-    const auto at = static_cast<std::size_t>(j);
-    Eigen::Index offset = 0;
-    std::vector<const Eigen::MatrixXd*> mine;
-    for (const RowBlock* block : free) {
-      if (const Eigen::MatrixXd* values = block->find(j)) {
-        mine.push_back(values);
-        for (Eigen::Index k = 0; k < values->cols(); ++k) where[at].push_back(offset + k);
-      }
-      offset += block->size();
-    }
-    columns[at].resize(rows.size(), static_cast<Eigen::Index>(where[at].size()));
-    Eigen::Index column = 0;
-    for (const Eigen::MatrixXd* values : mine) {
-      columns[at].middleCols(column, values->cols()) = *values;
-      column += values->cols();
-    }
-  }
+  return best;
+}
+
+Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa) {
+  const Assembled all = assemble(rows, y, terms);
   Fit best, fit;
-  fit.left.resize(rows.size(), n);
-  fit.residual.resize(rows.size(), n);
-  fit.noise.resize(static_cast<std::size_t>(n));
-  fit.evidence.resize(n);
-  for (int j = 0; j < n; ++j) fit.noise[static_cast<std::size_t>(j)] = first_guess(y.col(j));
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    std::vector<Normal> normals;
-    Eigen::MatrixXd G = Eigen::MatrixXd::Zero(size, size);
-    Eigen::VectorXd h = Eigen::VectorXd::Zero(size);
-    for (int j = 0; j < n; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      normals.push_back(normal_equations(rows, j, y.col(j), columns[at], fit.noise[at], kappa));
-      for (std::size_t a = 0; a < where[at].size(); ++a) {
-        h[where[at][a]] += normals.back().h[static_cast<Eigen::Index>(a)];
-        for (std::size_t b = 0; b < where[at].size(); ++b)
-          G(where[at][a], where[at][b]) +=
-              normals.back().G(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
-      }
-    }
-    fit.theta = solve(G, h, &fit.covariance);
-    for (int j = 0; j < n; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      const Eigen::VectorXd mine = fit.theta(where[at]);
-      Eigen::VectorXd left = y.col(j), residual;
-      if (mine.size() > 0) left -= columns[at] * mine;
-      finish(rows, j, normals[at], left, mine, kappa, fit.noise[at], residual, fit.evidence[j]);
-      fit.left.col(j) = left;
-      fit.residual.col(j) = residual;
-    }
-    fit.total = fit.evidence.sum();
-    if (iteration == 0 || fit.total > best.total) best = fit;
+  for (Eigen::Index j = 0; j < y.cols(); ++j) fit.noise.push_back(white(all.y.col(j)));
+  for (int k = 0; k < iterations; ++k) {
+    std::vector<Whitener> by;
+    for (int j = 0; j < rows.joints(); ++j)
+      by.push_back(whitener(rows, j, fit.noise[static_cast<std::size_t>(j)], kappa));
+    step(rows, all, kappa, by, fit);
+    if (k == 0 || fit.total > best.total) best = fit;
+  }
+  return best;
+}
+
+Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
+              const std::vector<std::vector<Whitener>>& by) {
+  const Assembled all = assemble(rows, y, terms);
+  Fit best, fit;
+  for (std::size_t k = 0; k < by.size(); ++k) {
+    step(rows, all, kappa, by[k], fit);
+    if (k == 0 || fit.total > best.total) best = fit;
   }
   return best;
 }

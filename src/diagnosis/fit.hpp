@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <vector>
 
@@ -40,12 +41,30 @@ struct ChannelFit {
   double evidence = 0.0;
 };
 
+/// A joint's noise and what the nominal model's errors look like through it: what every fit by that noise
+/// shares.
+struct Whitener {
+  ChannelNoise noise;
+  Eigen::MatrixXd nuisance;         ///< whitened
+  Eigen::LLT<Eigen::MatrixXd> llt;  ///< of I + nuisance^T nuisance
+  double log_det = 0.0;
+};
+Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, double kappa);
+/// The noise that a fit starts from: white, as large as the gap.
+ChannelNoise white(const Eigen::VectorXd& y);
+
 /// `y` (rows) of joint j against `columns` (rows x p, p may be 0).
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, double kappa);
+/// The same by the better of some given noises, each taken once: quick, for comparing many columns.
+ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
+                       const Eigen::MatrixXd& columns, double kappa, const std::vector<Whitener>& by);
 
 /// All joints together. `y`: rows x n.
 Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa);
+/// The same by the better of some given noises (one a joint in each), each taken once.
+Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
+              const std::vector<std::vector<Whitener>>& by);
 
 /// `x` (rows x columns) whitened by the noise, in units of its standard deviation; the first rows of every
 /// part, which have no past, are left out.

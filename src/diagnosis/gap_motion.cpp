@@ -16,6 +16,7 @@ GapMotion::GapMotion(const Robot& nominal_robot, const Segment& segment, double 
       q(segment.q),
       dq(segment.dq),
       ddq(segment.ddq),
+      speed(segment.speed.size() > 0 ? segment.speed : segment.dq),
       tau(segment.tau),
       robot_(nominal_robot),
       model_(nominal_robot) {
@@ -36,7 +37,7 @@ GapMotion::GapMotion(const Robot& nominal_robot, const Segment& segment, double 
     for (int j = 0; j < n; ++j) {
       const Joint& joint = robot_.joints[static_cast<std::size_t>(j)];
       rigid(i, j) = torque[j] + joint.rotor_inertia * ai[j];
-      nominal(i, j) = rigid(i, j) + friction_torque(joint.friction, vi[j]);
+      nominal(i, j) = rigid(i, j) + friction_torque(joint.friction, speed(i, j));
       regressor_[static_cast<std::size_t>(j)].row(i) = Y.row(j);
     }
   }

@@ -155,8 +155,8 @@ void GapRows::make_nuisance() {
         columns.middleCols(10 * l, 10) =
             m.link_columns(l, j) * robot.joints[static_cast<std::size_t>(l)].parameters.asDiagonal();
       for (Eigen::Index i = 0; i < m.samples(); ++i) {
-        const Eigen::RowVector3d linear = friction_regressor(f.linear, m.dq(i, j));
-        const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.dq(i, j));
+        const Eigen::RowVector3d linear = friction_regressor(f.linear, m.speed(i, j));
+        const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.speed(i, j));
         columns.row(i).tail<6>() << linear[0] * f.linear.viscous, linear[1] * f.linear.coulomb,
             linear[2] * f.linear.offset, sigmoid[0] * f.sigmoid.phi1, sigmoid[1] * f.sigmoid.phi2,
             sigmoid[2] * f.sigmoid.phi3;

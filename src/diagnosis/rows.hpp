@@ -12,6 +12,8 @@
 
 namespace dynid::detail {
 
+constexpr double speed_band = 100.0;  ///< [Hz] of the velocity that friction is computed from
+
 /// Columns of an effect in the rows of a GapRows: of each channel, rows x coefficients.
 struct RowBlock {
   std::vector<int> channels;

@@ -8,12 +8,16 @@
 #include <cmath>
 #include <limits>
 
+#include "dynid/diagnosis/calibration.hpp"
+
 namespace dynid::detail {
 namespace {
 
 constexpr double joint_gain = 6.0;    // log evidence that a further joint of an effect has to bring
 constexpr double effect_gain = 10.0;  // and a further effect
-constexpr double least_part = 0.02;   // of the explained energy that a further effect has to make
+constexpr double least_part = 0.04;   // of a joint's gap (energy) that a further effect has to explain
+
+constexpr double least_gain = 0.25;  // and of the energy of what is left of that joint's
 
 std::vector<Eigen::VectorXd> grid_of(const std::vector<ShapeParameter>& shape) {
   std::vector<Eigen::VectorXd> points = {Eigen::VectorXd(0)};
@@ -41,6 +45,12 @@ std::vector<Term> terms_of(const std::vector<Adopted>& effects) {
   for (const Adopted& e : effects)
     for (const UnitShape& u : e.units) terms.push_back({u.block.get(), e.h->shape_only()});
   return terms;
+}
+
+Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right) {
+  Eigen::MatrixXd both(right.rows(), left.cols() + right.cols());
+  both << left, right;
+  return both;
 }
 
 }  // namespace
@@ -80,14 +90,10 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
 }
 
 double Search::cost(const Adopted& effect) const {
-  const double sample = std::log(double(rows_.size()));
-  const auto units = static_cast<double>(effect.units.size());
-  const auto shapes = static_cast<double>(effect.h->shape().size());
   // Each coefficient and each shape parameter by Schwarz, the choice of joints by its number of outcomes.
-  double cost = (0.5 * sample + 1.5) * (double(effect.coefficients()) + units * shapes) -
-                score_temperature * std::log(effect.h->prior());
-  if (effect.h->scope() == Scope::window) cost += 2.0 * sample;
-  if (effect.h->scope() != Scope::arm) cost += units * std::log(double(rows_.joints()));
+  double cost = -calibration().temperature * std::log(effect.h->prior());
+  for (const UnitShape& unit : effect.units) cost += price(*effect.h, unit);
+  if (effect.h->scope() == Scope::window) cost += 2.0 * std::log(double(rows_.size()));
   return cost;
 }
 
@@ -105,25 +111,87 @@ UnitShape Search::made(const Hypothesis& h, int unit, const Eigen::VectorXd& sha
   return {unit, shape, std::make_shared<RowBlock>(rows_.block(h, unit, shape))};
 }
 
-double Search::unit_gain(const Hypothesis& h, const RowBlock& block, const GapModel& base) const {
-  if (own_channel(h, block)) {
-    const int j = block.channels[0];
-    Eigen::VectorXd y = base.fit.left.col(j);
-    if (h.shape_only()) {
-      y -= block.values[0].rowwise().sum();
-      return fit_channel(rows_, j, y, Eigen::MatrixXd(y.size(), 0), base.kappa).evidence -
-             base.fit.evidence[j];
-    }
-    const ChannelFit fit = fit_channel(rows_, j, y, block.values[0], base.kappa);
-    return fit.evidence - base.fit.evidence[j];
-  }
-  return fit_terms(rows_, base.fit.left, {{&block, h.shape_only()}}, base.kappa).total - base.fit.total;
+double Search::price(const Hypothesis& h, const UnitShape& unit) const {
+  const double coefficients = h.shape_only() ? 0.0 : double(unit.block->size());
+  return (0.5 * std::log(double(rows_.size())) + 1.5) * (coefficients + double(unit.shape.size())) +
+         (h.scope() == Scope::arm ? 0.0 : std::log(double(rows_.joints())));
 }
 
-UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const GapModel& base) const {
+Search::Channel Search::channel_of(const GapModel& model, int joint,
+                                   const std::vector<const UnitShape*>& kept) const {
+  Channel out{model.fit.left.col(joint), Eigen::MatrixXd(rows_.size(), 0), 0.0, {}};
+  Eigen::Index at = 0, size = 0;
+  for (const Adopted& e : model.effects) {
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      if (own_channel(*e.h, *u.block) && u.block->channels[0] == joint) {
+        const Eigen::MatrixXd& values = u.block->values[0];
+        const bool stays = std::find(kept.begin(), kept.end(), &u) != kept.end();
+        if (p > 0) {
+          out.y += values * model.fit.theta.segment(at, p);
+          if (stays) size += p;
+        } else if (!stays) {
+          out.y += values.rowwise().sum();
+        }
+      }
+      at += p;
+    }
+  }
+  out.columns.resize(rows_.size(), size);
+  size = 0;
+  for (const UnitShape* u : kept) {
+    for (const Adopted& e : model.effects) {
+      if (e.h->shape_only() || u < e.units.data() || u >= e.units.data() + e.units.size()) continue;
+      out.columns.middleCols(size, u->block->size()) = u->block->values[0];
+      size += u->block->size();
+    }
+  }
+  const ChannelFit fit = fit_channel(rows_, joint, out.y, out.columns, model.kappa);
+  out.evidence = fit.evidence;
+  out.by = {whitener(rows_, joint, white(out.y), model.kappa),
+            whitener(rows_, joint, fit.noise, model.kappa)};
+  return out;
+}
+
+Search::Base Search::base_of(const GapModel& model) const {
+  const auto n = static_cast<std::size_t>(rows_.joints());
+  Base base{model, std::vector<Channel>(n), {2, std::vector<Whitener>(n)}};
+  tbb::parallel_for(0, rows_.joints(), [&](int j) {
+    std::vector<const UnitShape*> kept;
+    for (const Adopted& e : model.effects)
+      for (const UnitShape& u : e.units)
+        if (own_channel(*e.h, *u.block) && u.block->channels[0] == j) kept.push_back(&u);
+    const auto at = static_cast<std::size_t>(j);
+    base.channels[at] = channel_of(model, j, kept);
+    base.by[0][at] = whitener(rows_, j, white(rows_.y.col(j)), model.kappa);
+    base.by[1][at] = whitener(rows_, j, model.fit.noise[at], model.kappa);
+  });
+  return base;
+}
+
+double Search::own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel,
+                        double kappa) const {
+  const int j = block.channels[0];
+  if (h.shape_only())
+    return fit_channel(rows_, j, channel.y - block.values[0].rowwise().sum(), channel.columns, kappa,
+                       channel.by)
+               .evidence -
+           channel.evidence;
+  return fit_channel(rows_, j, channel.y, beside(channel.columns, block.values[0]), kappa, channel.by)
+             .evidence -
+         channel.evidence;
+}
+
+double Search::coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const {
+  std::vector<Term> terms = terms_of(base.model.effects);
+  terms.push_back({&block, h.shape_only()});
+  return fit_terms(rows_, rows_.y, terms, base.model.kappa, base.by).total - base.model.fit.total;
+}
+
+UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const Gain& gain) const {
   const std::vector<ShapeParameter> shape = h.shape();
   if (shape.empty() || h.scope() == Scope::window) return unit;
-  double best = unit_gain(h, *unit.block, base);
+  double best = gain(*unit.block);
   for (int pass = 0; pass < (shape.size() > 1 ? 2 : 1); ++pass) {
     for (Eigen::Index s = 0; s < unit.shape.size(); ++s) {
       const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
@@ -137,7 +205,7 @@ UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const GapModel& b
         Eigen::VectorXd at = unit.shape;
         at[s] = log ? std::exp(x) : x;
         out = made(h, unit.unit, at);
-        return unit_gain(h, *out.block, base);
+        return gain(*out.block);
       };
       // Golden section.
       const double g = 0.6180339887498949;
@@ -162,67 +230,66 @@ UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const GapModel& b
   return unit;
 }
 
-Adopted Search::propose_own(const Hypothesis& h, const Grid& grid, const GapModel& base) const {
+UnitShape Search::best_shape(const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
+                             const Gain& gain) const {
+  double best = -std::numeric_limits<double>::infinity();
+  const GridPoint* point = &points.front();
+  for (const GridPoint& p : points) {
+    const double here = points.size() > 1 ? gain(*p.block) : 0.0;
+    if (here > best) best = here, point = &p;
+  }
+  return refined(h, {unit, point->shape, point->block}, gain);
+}
+
+Adopted Search::propose_own(const Hypothesis& h, const Grid& grid, const Base& base) const {
   Adopted effect{&h, {}, 0.0};
-  const double sample = std::log(double(rows_.size()));
+  const Robot& robot = rows_.motions().front().robot();
   for (std::size_t u = 0; u < grid.size(); ++u) {
-    double best = -std::numeric_limits<double>::infinity();
-    const GridPoint* point = nullptr;
-    for (const GridPoint& p : grid[u]) {
-      const double gain = unit_gain(h, *p.block, base);
-      if (gain > best) best = gain, point = &p;
-    }
-    const double price =
-        (0.5 * sample + 1.5) * double((h.shape_only() ? 0 : point->block->size()) + point->shape.size()) +
-        std::log(double(rows_.joints()));
-    if (best - price < -0.5 * joint_gain && !effect.units.empty()) continue;
-    UnitShape unit = refined(h, {static_cast<int>(u), point->shape, point->block}, base);
-    const double gain = unit_gain(h, *unit.block, base) - price;
+    const Channel& channel = base.channels[u];
+    const auto gain = [&](const RowBlock& block) { return own_gain(h, block, channel, base.model.kappa); };
+    const UnitShape unit = best_shape(h, static_cast<int>(u), grid[u], gain);
+    const double gained = gain(*unit.block) - price(h, unit);
+    if (gained < joint_gain) continue;
     if (!h.shape_only()) {
-      const ChannelFit fit =
-          fit_channel(rows_, static_cast<int>(u), base.fit.left.col(static_cast<Eigen::Index>(u)),
-                      unit.block->values[0], base.kappa);
-      if (!h.plausible(rows_.motions().front().robot(), static_cast<int>(u), fit.theta, unit.shape)) continue;
+      const ChannelFit fit = fit_channel(rows_, static_cast<int>(u), channel.y,
+                                         beside(channel.columns, unit.block->values[0]), base.model.kappa);
+      if (!h.plausible(robot, unit.unit, fit.theta.tail(unit.block->size()), unit.shape)) continue;
     }
-    if (gain < joint_gain) continue;
     effect.units.push_back(unit);
-    effect.gain += gain;
+    effect.gain += gained;
   }
   return effect;
 }
 
-Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const GapModel& base) const {
+Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Base& base) const {
   Adopted effect{&h, {}, 0.0};
-  const double sample = std::log(double(rows_.size()));
-  const auto price = [&](const UnitShape& u) {
-    return (0.5 * sample + 1.5) * double((h.shape_only() ? 0 : u.block->size()) + u.shape.size()) +
-           (h.scope() == Scope::arm ? 0.0 : std::log(double(rows_.joints())));
-  };
+  const GapModel& model = base.model;
+  const auto gain = [&](const RowBlock& block) { return coupled_gain(h, block, base); };
   std::vector<UnitShape> best(grid.size());
   std::vector<double> gains(grid.size());
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
     double most = -std::numeric_limits<double>::infinity();
     for (const GridPoint& p : grid[u]) {
-      const double gain = unit_gain(h, *p.block, base);
-      if (gain > most) most = gain, best[u] = {static_cast<int>(u), p.shape, p.block};
+      const double here = gain(*p.block);
+      if (here > most) most = here, best[u] = {static_cast<int>(u), p.shape, p.block};
     }
-    gains[u] = most - price(best[u]);
+    gains[u] = most - price(h, best[u]);
   });
   const auto first = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-  best[first] = refined(h, best[first], base);
+  best[first] = refined(h, best[first], gain);
   effect.units = {best[first]};
-  effect.gain = unit_gain(h, *best[first].block, base) - price(best[first]);
+  effect.gain = gain(*best[first].block) - price(h, best[first]);
   if (h.scope() == Scope::joint) {
     std::vector<bool> used(grid.size(), false);
     used[first] = true;
     const auto total = [&](const std::vector<UnitShape>& units) {
-      std::vector<Term> terms;
+      std::vector<Term> terms = terms_of(model.effects);
       double sum = 0.0;
       for (const UnitShape& u : units) {
         terms.push_back({u.block.get(), h.shape_only()});
-        sum -= price(u);
+        sum -= price(h, u);
       }
-      return sum + fit_terms(rows_, base.fit.left, terms, base.kappa).total - base.fit.total;
+      return sum + fit_terms(rows_, rows_.y, terms, model.kappa, base.by).total - model.fit.total;
     };
     while (effect.units.size() < grid.size()) {
       double most = effect.gain + joint_gain;
@@ -242,17 +309,115 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Gap
     std::sort(effect.units.begin(), effect.units.end(),
               [](const UnitShape& a, const UnitShape& b) { return a.unit < b.unit; });
   }
-  if (effect.units.size() == 1 && !h.shape_only()) {
-    const Fit fit = fit_terms(rows_, base.fit.left, {{effect.units[0].block.get(), false}}, base.kappa);
-    if (!h.plausible(rows_.motions().front().robot(), effect.units[0].unit, fit.theta, effect.units[0].shape))
-      effect.units.clear();
+  for (bool plausible = h.shape_only(); !plausible && !effect.units.empty();) {
+    std::vector<Term> terms = terms_of(model.effects);
+    for (const UnitShape& u : effect.units) terms.push_back({u.block.get(), false});
+    const Fit fit = fit_terms(rows_, rows_.y, terms, model.kappa);
+    Eigen::Index at = fit.theta.size() - effect.coefficients();
+    plausible = true;
+    std::vector<UnitShape> kept;
+    for (const UnitShape& u : effect.units) {
+      if (h.plausible(rows_.motions().front().robot(), u.unit, fit.theta.segment(at, u.block->size()),
+                      u.shape))
+        kept.push_back(u);
+      else
+        plausible = false;
+      at += u.block->size();
+    }
+    effect.units = std::move(kept);
+    if (!plausible && !effect.units.empty()) {
+      std::vector<Term> fewer = terms_of(model.effects);
+      for (const UnitShape& u : effect.units) fewer.push_back({u.block.get(), false});
+      effect.gain = fit_terms(rows_, rows_.y, fewer, model.kappa, base.by).total - model.fit.total;
+      for (const UnitShape& u : effect.units) effect.gain -= price(h, u);
+    }
   }
   return effect;
 }
 
-Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapModel& base) const {
+GapModel Search::reassigned(const GapModel& model) const {
+  std::vector<std::size_t> own;  // of the model's effects
+  for (std::size_t k = 0; k < model.effects.size(); ++k)
+    if (own_channel(*model.effects[k].h, *model.effects[k].units.front().block)) own.push_back(k);
+  if (own.size() < 2) return model;
+  std::vector<Adopted> effects = model.effects;
+  for (const std::size_t k : own) effects[k].units.clear();
+  std::vector<std::vector<UnitShape>> decided(static_cast<std::size_t>(rows_.joints()));
+  std::vector<std::vector<std::size_t>> whose(decided.size());
+  for (int j = 0; j < rows_.joints(); ++j) {
+    const Channel alone = channel_of(model, j, {});
+    // Each effect as it stands on this joint; where it does not, in its best form by itself and beside
+    // another.
+    std::vector<std::vector<UnitShape>> forms;
+    bool any = false;
+    for (const std::size_t k : own) {
+      forms.emplace_back();
+      for (const UnitShape& u : model.effects[k].units)
+        if (u.unit == j) forms.back().push_back(u);
+      any = any || !forms.back().empty();
+    }
+    if (!any) continue;
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      if (!forms[i].empty()) continue;
+      const Hypothesis& h = *model.effects[own[i]].h;
+      const auto found = std::find(library_.begin(), library_.end(), &h) - library_.begin();
+      const auto& points = grids_[static_cast<std::size_t>(found)][static_cast<std::size_t>(j)];
+      forms[i].push_back(
+          best_shape(h, j, points, [&](const RowBlock& b) { return own_gain(h, b, alone, model.kappa); }));
+    }
+    double most = -std::numeric_limits<double>::infinity();
+    const std::size_t subsets = std::size_t{1} << own.size();
+    for (std::size_t subset = 0; subset < subsets; ++subset) {
+      Eigen::VectorXd y = alone.y;
+      Eigen::MatrixXd columns(rows_.size(), 0);
+      double value = 0.0;
+      std::vector<UnitShape> units;
+      std::vector<std::size_t> owners;
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        if ((subset >> i & 1U) == 0) continue;
+        const Hypothesis& h = *model.effects[own[i]].h;
+        const UnitShape& unit = forms[i].front();
+        if (h.shape_only())
+          y -= unit.block->values[0].rowwise().sum();
+        else
+          columns = beside(columns, unit.block->values[0]);
+        value -= price(h, unit) + joint_gain;
+        units.push_back(unit);
+        owners.push_back(own[i]);
+      }
+      const ChannelFit fit = fit_channel(rows_, j, y, columns, model.kappa);
+      Eigen::Index at = 0;
+      bool plausible = true;
+      for (std::size_t i = 0; i < units.size(); ++i) {
+        const Hypothesis& h = *model.effects[owners[i]].h;
+        const Eigen::Index p = h.shape_only() ? 0 : units[i].block->size();
+        if (p > 0)
+          plausible = plausible && h.plausible(rows_.motions().front().robot(), j, fit.theta.segment(at, p),
+                                               units[i].shape);
+        at += p;
+      }
+      value += fit.evidence;
+      if (plausible && value > most) {
+        most = value;
+        decided[static_cast<std::size_t>(j)] = units;
+        whose[static_cast<std::size_t>(j)] = owners;
+      }
+    }
+  }
+  for (std::size_t j = 0; j < decided.size(); ++j)
+    for (std::size_t i = 0; i < decided[j].size(); ++i) effects[whose[j][i]].units.push_back(decided[j][i]);
+  effects.erase(
+      std::remove_if(effects.begin(), effects.end(), [](const Adopted& e) { return e.units.empty(); }),
+      effects.end());
+  if (effects.empty() || effects.back().h != model.effects.back().h) return model;  // the newest has to stay
+  GapModel better = evaluate(std::move(effects), model.kappa);
+  return better.score > model.score ? better : model;
+}
+
+Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base& beginning) const {
+  const GapModel& base = beginning.model;
   // Scan: gain of a window for each link by prefix sums of its normal equations, rows taken as independent.
-  const Eigen::Index size = rows_.size();
+  const Eigen::Index size = rows_.size(), longest = size * 2 / 5;  // what lasts longer is no window
   double most = 0.0;
   int link = -1;
   Eigen::Index from = 0, to = 0;
@@ -273,7 +438,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapM
     }
     for (std::size_t part = 0; part + 1 < rows_.parts.size(); ++part) {
       const Eigen::Index first = rows_.parts[part], last = rows_.parts[part + 1];
-      for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, size / 2);
+      for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, longest);
            length = std::max(length + 1, length * 5 / 4)) {
         for (Eigen::Index i = first; i + length <= last; i += std::max<Eigen::Index>(1, length / 12)) {
           const Eigen::MatrixXd d =
@@ -293,17 +458,17 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapM
     return made(h, link, Eigen::Vector2d(rows_.t[a], rows_.t[b] - rows_.t[a]));
   };
   UnitShape best = window(from, to);
-  double gain = unit_gain(h, *best.block, base);
+  double gain = coupled_gain(h, *best.block, beginning);
   for (Eigen::Index step = std::max<Eigen::Index>(1, (to - from) / 8); step >= 1; step /= 2) {
     for (bool moved = true; moved;) {
       moved = false;
       for (const auto& [a, b] : {std::pair{from - step, to}, std::pair{from + step, to},
                                  std::pair{from, to - step}, std::pair{from, to + step}}) {
-        if (a < 0 || b >= size || b - a < 4 ||
+        if (a < 0 || b >= size || b - a < 4 || b - a >= longest ||
             rows_.log[static_cast<std::size_t>(a)] != rows_.log[static_cast<std::size_t>(b)])
           continue;
         const UnitShape other = window(a, b);
-        const double value = unit_gain(h, *other.block, base);
+        const double value = coupled_gain(h, *other.block, beginning);
         if (value > gain + 1e-6) {
           gain = value, best = other, from = a, to = b;
           moved = true;
@@ -317,7 +482,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const GapM
   return effect;
 }
 
-Adopted Search::propose(const Hypothesis& h, const Grid& grid, const GapModel& base) const {
+Adopted Search::propose(const Hypothesis& h, const Grid& grid, const Base& base) const {
   if (h.scope() == Scope::window) return propose_window(h, grid, base);
   if (own_channel(h, *grid[0][0].block)) return propose_own(h, grid, base);
   return propose_coupled(h, grid, base);
@@ -325,10 +490,11 @@ Adopted Search::propose(const Hypothesis& h, const Grid& grid, const GapModel& b
 
 std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
   std::vector<Adopted> proposed(library_.size());
+  const Base beginning = base_of(base);
   tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
     for (const Adopted& e : base.effects)
       if (e.h == library_[k]) return;  // once each: another joint of it is a matter of the first choice
-    proposed[k] = propose(*library_[k], grids_[k], base);
+    proposed[k] = propose(*library_[k], grids_[k], beginning);
   });
   std::vector<Adopted> useful;
   for (Adopted& e : proposed)
@@ -340,7 +506,7 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
   tbb::parallel_for(std::size_t{0}, useful.size(), [&](std::size_t k) {
     std::vector<Adopted> effects = base.effects;
     effects.push_back(useful[k]);
-    models[k] = evaluate(std::move(effects), base.kappa);
+    models[k] = reassigned(evaluate(std::move(effects), base.kappa));
   });
   std::stable_sort(models.begin(), models.end(),
                    [](const GapModel& a, const GapModel& b) { return a.score > b.score; });
@@ -385,20 +551,50 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
   return double(1 + (most.tail(count).array() >= most[0]).count()) / double(count + 1);
 }
 
+std::vector<VisibleSize> Search::smallest_visible(const GapModel& none) const {
+  std::vector<VisibleSize> out;
+  const Base base = base_of(none);
+  for (std::size_t k = 0; k < library_.size(); ++k) {
+    const Hypothesis& h = *library_[k];
+    const RowBlock& first = *grids_[k][0][0].block;
+    if (h.shape_only() || h.once() || !own_channel(h, first) || first.size() != 1) continue;
+    VisibleSize visible{h.name(), 0, 0.0};
+    for (std::size_t u = 0; u < grids_[k].size(); ++u) {
+      double least = std::numeric_limits<double>::infinity();
+      for (const GridPoint& point : grids_[k][u]) {
+        // Evidence grows by half of (coefficient / deviation)^2.
+        const Eigen::MatrixXd& column = point.block->values[0];
+        const double need = 2.0 * (price(h, {static_cast<int>(u), point.shape, point.block}) + effect_gain);
+        const Eigen::MatrixXd seen = whitened(rows_, column, base.by[1][u].noise);
+        const Eigen::MatrixXd hidden = base.by[1][u].nuisance.transpose() * seen;
+        const double information =
+            seen.squaredNorm() - (hidden.transpose() * base.by[1][u].llt.solve(hidden)).value();
+        const double size = std::sqrt(column.squaredNorm() / double(rows_.size()) * need / information);
+        if (information > 0.0 && size < least) least = size;
+      }
+      if (least > visible.torque_rms && std::isfinite(least))
+        visible = {h.name(), static_cast<int>(u) + 1, least};
+    }
+    out.push_back(visible);
+  }
+  return out;
+}
+
 GapModel Search::best(double kappa, int most) const {
   GapModel model = none(kappa);
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
     if (next.empty() || next[0].score < model.score + effect_gain) break;
-    // In units of the noise: a further effect has to matter beside those before it.
-    double before = 0.0, gained = 0.0;
-    const GapModel start = none(kappa);
-    for (int j = 0; j < rows_.joints(); ++j) {
-      const double v = next[0].fit.residual.col(j).squaredNorm() / double(rows_.size()) + 1e-18;
-      before += (start.fit.left.col(j).squaredNorm() - model.fit.left.col(j).squaredNorm()) / v;
-      gained += (model.fit.left.col(j).squaredNorm() - next[0].fit.left.col(j).squaredNorm()) / v;
+    // A further effect has to matter beside those before it, on one joint at least: what is left of a joint's
+    // gap is also what its effects' forms are not exact in.
+    if (!model.effects.empty()) {
+      const Eigen::RowVectorXd gained =
+          model.fit.left.colwise().squaredNorm() - next[0].fit.left.colwise().squaredNorm();
+      const Eigen::RowVectorXd gap = rows_.y.colwise().squaredNorm();
+      const Eigen::RowVectorXd noise = next[0].fit.residual.colwise().squaredNorm();
+      if ((gained.array() < least_part * gap.array() || gained.array() < least_gain * noise.array()).all())
+        break;
     }
-    if (!model.effects.empty() && gained < least_part * (before + gained)) break;
     model = next[0];
     // Exchange: an earlier choice may have stood in for what is known only now.
     for (std::size_t k = 0; k + 1 < model.effects.size(); ++k) {

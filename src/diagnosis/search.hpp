@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "dynid/diagnosis/diagnose.hpp"
 #include "fit.hpp"
 
 namespace dynid::detail {
-
-/// Scores are log probabilities times this, see docs/diagnosis.md.
-constexpr double score_temperature = 4.0;
 
 /// One unit of an effect, at one shape.
 struct UnitShape {
@@ -55,6 +54,9 @@ class Search {
   /// p-value of a gap (rows x n) against surrogates of it: the largest part that any one effect explains,
   /// each standardised by what it explains of the surrogates (Westfall and Young 1993).
   double p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::MatrixXd>& surrogates) const;
+  /// Of each effect with one coefficient on a joint of its own: the torque that it would have had to have to
+  /// be named, on the joint that shows it least.
+  std::vector<VisibleSize> smallest_visible(const GapModel& none) const;
   const GapRows& rows() const { return rows_; }
 
  private:
@@ -64,14 +66,41 @@ class Search {
   };
   using Grid = std::vector<std::vector<GridPoint>>;  // unit, point
 
+  /// What a joint has of a model: its gap less what the model's coupled effects and those without
+  /// coefficients add, and the columns of the effects of its own, which are fitted anew with every candidate.
+  struct Channel {
+    Eigen::VectorXd y;         // rows
+    Eigen::MatrixXd columns;   // rows x p, p may be 0
+    double evidence;           // of their fit
+    std::vector<Whitener> by;  // white noise, and that of their fit
+  };
+  struct Base {
+    const GapModel& model;
+    std::vector<Channel> channels;          // of each joint
+    std::vector<std::vector<Whitener>> by;  // white noise, and the model's: of each joint
+  };
+  using Gain = std::function<double(const RowBlock&)>;
+
   double cost(const Adopted& effect) const;
-  /// The best form of one effect in what `base` leaves.
-  Adopted propose(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
-  Adopted propose_own(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
-  Adopted propose_coupled(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
-  Adopted propose_window(const Hypothesis& h, const Grid& grid, const GapModel& base) const;
-  UnitShape refined(const Hypothesis& h, UnitShape unit, const GapModel& base) const;
-  double unit_gain(const Hypothesis& h, const RowBlock& block, const GapModel& base) const;
+  /// What one unit of an effect costs of the score, but for the effect itself.
+  double price(const Hypothesis& h, const UnitShape& unit) const;
+  Base base_of(const GapModel& model) const;
+  /// The joint without its own effects but `kept`.
+  Channel channel_of(const GapModel& model, int joint, const std::vector<const UnitShape*>& kept) const;
+  /// The best form of one effect beside those of `base`.
+  Adopted propose(const Hypothesis& h, const Grid& grid, const Base& base) const;
+  Adopted propose_own(const Hypothesis& h, const Grid& grid, const Base& base) const;
+  Adopted propose_coupled(const Hypothesis& h, const Grid& grid, const Base& base) const;
+  Adopted propose_window(const Hypothesis& h, const Grid& grid, const Base& base) const;
+  /// The best point of the grid by `gain`, refined.
+  UnitShape best_shape(const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
+                       const Gain& gain) const;
+  UnitShape refined(const Hypothesis& h, UnitShape unit, const Gain& gain) const;
+  double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
+  double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;
+  /// Which joint has which of the model's own effects, each joint decided by itself: an effect that came
+  /// first may have taken joints of one that came later.
+  GapModel reassigned(const GapModel& model) const;
   UnitShape made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
 
   const GapRows& rows_;

@@ -80,7 +80,12 @@ Eigen::VectorXd ZeroPhaseButterworth::half_kernel() const {
 }
 
 DecimatingFilter::DecimatingFilter(Eigen::VectorXd half_kernel, Eigen::Index factor)
-    : half_kernel_(std::move(half_kernel)), factor_(factor) {}
+    : half_kernel_(std::move(half_kernel)), factor_(factor) {
+  const Eigen::Index K = reach();
+  kernel_.resize(2 * K + 1);
+  kernel_ << half_kernel_.tail(K).reverse(), half_kernel_;
+  kernel_ /= kernel_.sum();
+}
 
 Eigen::Index DecimatingFilter::outputs(Eigen::Index samples) const noexcept {
   return samples <= factor_ / 2 ? 0 : (samples - 1 - factor_ / 2) / factor_ + 1;
@@ -90,6 +95,12 @@ Eigen::RowVectorXd DecimatingFilter::output(Eigen::Index k, const Eigen::Ref<con
                                             Eigen::Index first, Eigen::Index samples) const {
   const Eigen::Index c = centre(k), K = reach();
   const Eigen::Index from = std::max<Eigen::Index>(0, c - K), to = std::min(samples - 1, c + K);
+  if (to - from == 2 * K) {  // away from the ends
+    Eigen::RowVectorXd out(x.cols());
+    for (Eigen::Index j = 0; j < x.cols(); ++j)
+      out[j] = kernel_.dot(x.col(j).segment(from - first, 2 * K + 1));
+    return out;
+  }
   Eigen::VectorXd weights(to - from + 1);
   for (Eigen::Index i = from; i <= to; ++i) weights[i - from] = half_kernel_[std::abs(i - c)];
   return (weights.transpose() / weights.sum()) * x.middleRows(from - first, to - from + 1);

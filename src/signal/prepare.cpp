@@ -334,6 +334,7 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
     s.rate = rate;
     s.t = thin(grid);
     for (Eigen::MatrixXd* m : {&s.q, &s.dq, &s.ddq, &s.tau}) m->resize(size, n);
+    if (options.speed_cutoff > 0.0) s.speed.resize(size, n);
     // One channel at a time: a log of hours must not stand in memory several times over.
     for (int j = 0; j < n; ++j) {
       Eigen::MatrixXd x = interpolate(t, pick(log.q.col(j), rows, count), grid);
@@ -347,6 +348,14 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
       }
       s.dq.col(j) = thin(x);
       s.ddq.col(j) = thin(differentiate(x, fine));
+      if (options.speed_cutoff > 0.0) {
+        if (has_velocity)
+          x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag);
+        else
+          x = differentiate(interpolate(t, pick(log.q.col(j), rows, count), grid), fine);
+        ZeroPhaseButterworth(std::min(options.speed_cutoff, 0.4 * std::min(in.rate, rate)), fine).apply(x);
+        s.speed.col(j) = thin(x);
+      }
       x = interpolate(t, pick(log.tau.col(j), rows, count), grid);
       if (stride > 1) ZeroPhaseButterworth(0.4 * rate, fine).apply(x);
       s.tau.col(j) = thin(x);

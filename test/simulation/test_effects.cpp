@@ -69,10 +69,10 @@ class Formula {
              MatrixXd(sign().cwiseMin(0.0) * joints("coefficient_negative").asDiagonal());
     if (name == "stribeck_friction")
       return each([&](Eigen::Index i, int j) {
-        const double x = dq(i, j) / at("stribeck_velocity", j);
+        const double x = std::pow(std::abs(dq(i, j) / at("stribeck_velocity", j)), at("exponent", j));
         return at("static", j) == 0.0
                    ? 0.0
-                   : at("static", j) * std::exp(-x * x) * std::tanh(dq(i, j) / one("velocity_scale"));
+                   : at("static", j) * std::exp(-x) * std::tanh(dq(i, j) / one("velocity_scale"));
       });
     if (name == "load_dependent_friction")
       return each([&](Eigen::Index i, int j) {

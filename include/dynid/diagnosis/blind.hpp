@@ -14,6 +14,7 @@ enum class BlindKind {
   clean,    ///< white sensor noise
   nominal,  ///< true parameters off by 2 %, coloured noise, jittered stamps, lost packets
   weak,     ///< as clean, effects at 0.3 times their size
+  mixed,    ///< each of them in turn
 };
 
 struct BlindOptions {
@@ -36,10 +37,19 @@ struct BlindCase {
   double p_value = 1.0, explained = 0.0;
   std::vector<FoundEffect> found;
   std::vector<std::pair<std::string, double>> ranking;
-  double shrink = 0.0;  ///< of the diagnosis, on the log that took no part
+  double shrink = 0.0;       ///< of the diagnosis, on the log that took no part
+  double true_shrink = 0.0;  ///< the same with nothing but the true effects to choose from
+  double nominal_error = 0.0;
   double seconds = 0.0;
   std::string failure;  ///< what was thrown, if anything
 };
+
+/// A 90 % interval beside the truth.
+struct ComparedInterval {
+  double value, low, high, truth;
+};
+/// Those of the first effect's parameters, where it is the one that was put in, and its joints are right.
+std::vector<ComparedInterval> compared_intervals(const BlindCase& c);
 
 /// The figures of the check over a bank.
 struct BlindScore {
@@ -53,6 +63,7 @@ struct BlindScore {
   int intervals = 0, covered = 0;  ///< 90 % intervals of the first effect's parameters, where right
   double parameter_error = 0.0;    ///< median relative error of those parameters
   double shrink = 0.0;             ///< median over the cases with effects of the library
+  double shrink_of_true = 0.0;     ///< median part of what the true effects give
   std::map<std::string, std::map<std::string, int>> confusion;  ///< truth, named
 };
 

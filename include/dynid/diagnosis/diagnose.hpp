@@ -29,7 +29,7 @@ struct Estimate {
 /// An effect that the diagnosis adopted.
 struct FoundEffect {
   Effect effect;       ///< as a model file carries it
-  double share = 0.0;  ///< of the explained gap's energy
+  double share = 0.0;  ///< of the explained gap's energy, whatever the order of effects
   double probability = 0.0;
   std::vector<std::string> aliases;  ///< effects that this log cannot tell from it
   std::vector<Estimate> parameters;
@@ -64,7 +64,15 @@ struct DiagnoseOptions {
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
   unsigned seed = 1;        ///< of surrogates and intervals
   int surrogates = 199;
+  bool replay = true;  ///< replay the motion with the patch, and propose the next experiment
   std::function<void(const std::string& stage, double fraction)> progress;
+};
+
+/// The least torque of an effect that would have been named on a log.
+struct VisibleSize {
+  std::string name;
+  int joint = 0;            ///< from 1: of the joint on which it is seen least
+  double torque_rms = 0.0;  ///< [N m]
 };
 
 struct Diagnosis {
@@ -74,6 +82,7 @@ struct Diagnosis {
   Eigen::VectorXd rms, floor;     ///< n [N m]: of the gap, and of the noise in the band
   std::vector<GapCell> where;
   std::vector<GapWindow> windows;
+  std::vector<VisibleSize> smallest_visible;            ///< where no effect is named, of the simple ones
   std::vector<FoundEffect> effects;                     ///< largest share first
   std::vector<std::pair<std::string, double>> ranking;  ///< of every effect: probability to be the first
   Shrink shrink;

@@ -23,9 +23,10 @@ class GapMotion {
   double start = 0.0;                                         ///< [s] of the log, as it is stamped
   Eigen::VectorXd t;                                          ///< N [s] since the log's start
   Eigen::MatrixXd q, dq, ddq;                                 ///< N x n, low-passed
-  Eigen::MatrixXd tau;                                        ///< N x n [N m], as measured
-  Eigen::MatrixXd nominal;                                    ///< N x n [N m], the whole nominal model
-  Eigen::MatrixXd rigid;                                      ///< N x n [N m], without friction
+  Eigen::MatrixXd speed;    ///< N x n [rad/s], in a wider band where the segment has it: for friction
+  Eigen::MatrixXd tau;      ///< N x n [N m], as measured
+  Eigen::MatrixXd nominal;  ///< N x n [N m], the whole nominal model
+  Eigen::MatrixXd rigid;    ///< N x n [N m], without friction
 
   /// Columns that standard parameters of link `link` (from 0) have in joint `joint` (from 0): N x 10.
   Eigen::MatrixXd link_columns(int link, int joint) const;

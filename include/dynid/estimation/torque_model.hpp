@@ -96,8 +96,8 @@ class TorqueModel {
     for (int k = 0; k < dry_count_; ++k) {
       const Dry& d = dry_[k];
       for (int i = 0; i < n; ++i) {
-        const double x = dq[i] * d.slowness[i];
-        tau_f[i] += (dq[i] > 0.0 ? d.forward[i] : d.back[i]) * std::exp(-x * x) * smooth_sign(dq[i], d.scale);
+        const double fall = std::exp(-std::pow(std::abs(dq[i] * d.slowness[i]), d.exponent[i]));
+        tau_f[i] += (dq[i] > 0.0 ? d.forward[i] : d.back[i]) * fall * smooth_sign(dq[i], d.scale);
       }
     }
   }
@@ -130,9 +130,9 @@ class TorqueModel {
   }
 
  private:
-  /// (forward or back) exp(-(slowness dq)^2) tanh(dq / scale)
+  /// (forward or back) exp(-|slowness dq|^exponent) tanh(dq / scale)
   struct Dry {
-    Vector forward, back, slowness;
+    Vector forward, back, slowness, exponent;
     double scale;
   };
   static constexpr int most_dry = 3;
@@ -176,6 +176,7 @@ class TorqueModel {
       Dry& d = dry_[dry_count_++];
       d.scale = values(effect, "velocity_scale", 1)[0];
       d.slowness = Vector::Zero(size());
+      d.exponent = Vector::Constant(size(), 2.0);
       if (name == "asymmetric_coulomb_friction") {
         d.forward = over_joints(effect, "coefficient_positive");
         d.back = over_joints(effect, "coefficient_negative");
@@ -185,6 +186,7 @@ class TorqueModel {
         d.forward = d.back = over_joints(effect, "static");
         const Vector v = over_joints(effect, "stribeck_velocity");
         for (int i = 0; i < size(); ++i) d.slowness[i] = v[i] > 0.0 ? 1.0 / v[i] : 0.0;
+        if (effect.parameters.count("exponent") > 0) d.exponent = over_joints(effect, "exponent");
       }
     }
   }

@@ -58,7 +58,7 @@ class DecimatingFilter {
   Eigen::MatrixXd apply(const Eigen::Ref<const Eigen::MatrixXd>& x) const;
 
  private:
-  Eigen::VectorXd half_kernel_;
+  Eigen::VectorXd half_kernel_, kernel_;  // kernel_: both halves, of sum 1
   Eigen::Index factor_;
 };
 

@@ -97,7 +97,7 @@ void OwnTorque::restore(const Robot& robot, const Effect& effect, int unit, Eige
 ShapeParameter sign_width() { return {"velocity_scale", "rad/s", 0.002, 0.2, 3, true}; }
 
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double scale) {
-  return (motion.dq.col(joint).array() / scale).tanh();
+  return (motion.speed.col(joint).array() / scale).tanh();
 }
 
 }  // namespace dynid::detail

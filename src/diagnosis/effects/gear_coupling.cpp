@@ -15,7 +15,7 @@ class GearCoupling : public Hypothesis {
     return {{"ratio", "1", -1.0, 1.0, 2, false}, sign_width()};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
-    const Eigen::VectorXd speed = motion.dq.col(unit) + shape[0] * motion.dq.col(unit + 1);
+    const Eigen::VectorXd speed = motion.speed.col(unit) + shape[0] * motion.speed.col(unit + 1);
     Eigen::MatrixXd own(motion.samples(), 3);
     own << speed, (speed.array() / shape[1]).tanh(),
         motion.ddq.col(unit) + shape[0] * motion.ddq.col(unit + 1);

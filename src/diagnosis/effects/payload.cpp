@@ -6,6 +6,8 @@
 namespace dynid::detail {
 namespace {
 
+constexpr double behind_the_flange = 0.03;  // [m]: a ring around it
+
 class Payload : public Hypothesis {
  public:
   std::string name() const override { return "payload"; }
@@ -37,8 +39,12 @@ class Payload : public Hypothesis {
     robot.joints.back().parameters += to_standard(body(effect));
     return true;
   }
-  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
-    return c[0] > 0.0 && (c.segment<3>(1) / c[0]).norm() < 1.0;
+  bool plausible(const Robot& robot, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    if (!(c[0] > 0.0) || (c.segment<3>(1) / c[0]).norm() > 1.0) return false;
+    // Where the model says where the flange is, what it carries is in front of it.
+    if (robot.tip.translation().norm() < 0.01) return true;
+    const Eigen::Vector3d com = robot.tip.inverse() * Eigen::Vector3d(c.segment<3>(1) / c[0]);
+    return com.z() > -behind_the_flange;
   }
 
  private:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// (Fs - Fc) exp(-(dq / vs)^2) sgn dq: what breaking away takes beyond Coulomb friction.
+// (Fs - Fc) exp(-|dq / vs|^delta) sgn dq: what breaking away takes beyond Coulomb friction; delta 1 (Tustin)
+// or 2.
 #include "effects.hpp"
 
 namespace dynid::detail {
@@ -9,13 +10,15 @@ class StribeckFriction : public OwnTorque {
  public:
   StribeckFriction() : OwnTorque("stribeck_friction", {{"static", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override {
-    return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true}, sign_width()};
+    return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true},
+            sign_width(),
+            {"exponent", "1", 1.0, 2.0, 2, false}};
   }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
-    const Eigen::ArrayXd x = motion.dq.col(j).array() / shape[0];
-    return smooth_signs(motion, j, shape[1]).array() * (-x.square()).exp();
+    const Eigen::ArrayXd x = (motion.speed.col(j).array() / shape[0]).abs();
+    return smooth_signs(motion, j, shape[1]).array() * (-x.pow(shape[2])).exp();
   }
 };
 

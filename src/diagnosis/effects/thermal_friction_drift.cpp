@@ -15,7 +15,7 @@ class ThermalFrictionDrift : public OwnTorque {
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
-    return motion.dq.col(j).array() * (-motion.t.array() / shape[0]).exp();
+    return motion.speed.col(j).array() * (-motion.t.array() / shape[0]).exp();
   }
 };
 

@@ -17,7 +17,7 @@ class ViscousFriction : public OwnTorque {
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
-    return motion.dq.col(j);
+    return motion.speed.col(j);
   }
 };
 

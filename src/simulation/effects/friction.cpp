@@ -58,13 +58,14 @@ class StribeckFriction : public EffectModel {
   StribeckFriction(const Effect& effect, const Robot&)
       : static_(values(effect, "static")),
         velocity_(values(effect, "stribeck_velocity")),
+        exponent_(values(effect, "exponent")),
         scale_(value(effect, "velocity_scale")) {}
   bool acts() const override { return true; }
   void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
     for (Eigen::Index j = 0; j < tau.size(); ++j) {
       if (static_[j] == 0.0) continue;
-      const double x = at.dq[j] / velocity_[j];
-      tau[j] += static_[j] * std::exp(-x * x) * std::tanh(at.dq[j] / scale_);
+      const double x = std::abs(at.dq[j] / velocity_[j]);
+      tau[j] += static_[j] * std::exp(-std::pow(x, exponent_[j])) * std::tanh(at.dq[j] / scale_);
     }
   }
   void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd&, Eigen::VectorXd& damping,
@@ -75,7 +76,7 @@ class StribeckFriction : public EffectModel {
   }
 
  private:
-  Eigen::VectorXd static_, velocity_;
+  Eigen::VectorXd static_, velocity_, exponent_;
   double scale_;
 };
 
@@ -143,10 +144,11 @@ std::vector<EffectDefinition> friction_effects() {
          velocity_scale()}},
        &make_model<CoulombFriction>},
       {{"stribeck_friction",
-        "Fs exp(-(dq / v)^2) sign(dq): what breaking away takes beyond Coulomb friction",
+        "Fs exp(-|dq / v|^delta) sign(dq): what breaking away takes beyond Coulomb friction",
         EffectScope::joints,
         {{"static", "N m", "Fs", true, {1.0}, 0.0, 1000.0, {0.8}, {2.0}, false, Scale::times},
          {"stribeck_velocity", "rad/s", "v", true, {0.2}, 1e-3, 10.0, {0.1}, {0.4}},
+         {"exponent", "1", "delta", true, {2.0}, 0.5, 4.0, {1.0}, {2.0}},
          velocity_scale()}},
        &make_model<StribeckFriction>},
       {{"load_dependent_friction",

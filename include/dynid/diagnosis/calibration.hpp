@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dynid/diagnosis/blind.hpp"
+
+namespace dynid {
+
+/// What makes the probabilities and intervals of a diagnosis mean what they say: fitted once on a simulated
+/// bank, never on cases that are reported. The one in use is config/diagnosis_calibration.yaml, built into
+/// the library.
+struct Calibration {
+  double temperature = 4.0;          ///< scores are log probabilities times this
+  double doubt = 0.01;               ///< that the first effect is wrong although it explains everything
+  double doubt_of_rest = 0.5;        ///< and further, per part of the gap's energy that stays unexplained
+  double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
+  double interval_factor_off = 1.0;  ///< and where it is off
+};
+
+/// The one in use.
+const Calibration& calibration();
+
+/// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
+/// the 90 % quantile of the errors (interval factors). Throws Error on fewer than 30 cases with an effect
+/// named.
+Calibration fit_calibration(const std::vector<BlindCase>& cases);
+/// Text of a calibration file; `command` is the one that made it.
+std::string calibration_yaml(const Calibration& calibration, const std::string& command);
+
+}  // namespace dynid

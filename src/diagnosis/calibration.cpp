@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/calibration.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "dynid/error.hpp"
+
+namespace dynid {
+
+namespace detail {
+extern const char* const calibration_in_use;  // made by CMake from config/diagnosis_calibration.yaml
+}
+
+namespace {
+
+constexpr double interval = 0.9;
+constexpr std::size_t least_cases = 30;
+
+double quantile(std::vector<double> x, double part) {
+  std::sort(x.begin(), x.end());
+  return x[std::min(x.size() - 1, static_cast<std::size_t>(part * double(x.size())))];
+}
+
+/// One case's first effect: was it right, and what the ranking and the rest of the gap say of it.
+struct Named {
+  bool right = false;
+  double unexplained = 0.0;
+  std::vector<double> behind;  // of the others: score less that of the first
+};
+
+double probability(const Named& n, double temperature, double doubt, double doubt_of_rest) {
+  double sum = 1.0;
+  for (const double score : n.behind) sum += std::exp(score / temperature);
+  return (1.0 - std::min(0.99, doubt + doubt_of_rest * n.unexplained)) / sum;
+}
+
+}  // namespace
+
+const Calibration& calibration() {
+  static const Calibration inside = [] {
+    const YAML::Node node = YAML::Load(detail::calibration_in_use);
+    Calibration c;
+    c.temperature = node["temperature"].as<double>();
+    c.doubt = node["doubt"].as<double>();
+    c.doubt_of_rest = node["doubt_of_rest"].as<double>();
+    c.interval_factor = node["interval_factor"].as<double>();
+    c.interval_factor_off = node["interval_factor_off"].as<double>();
+    return c;
+  }();
+  return inside;
+}
+
+Calibration fit_calibration(const std::vector<BlindCase>& cases) {
+  const Calibration& old = calibration();
+  std::vector<Named> named;
+  std::vector<double> errors, errors_off;
+  for (const BlindCase& c : cases) {
+    if (!c.failure.empty() || c.found.empty() || c.truth.empty()) continue;
+    Named n;
+    n.right = std::any_of(c.truth.begin(), c.truth.end(),
+                          [&](const Effect& e) { return e.name == c.found.front().effect.name; });
+    n.unexplained = 1.0 - c.explained;
+    const auto first = std::find_if(c.ranking.begin(), c.ranking.end(),
+                                    [&](const auto& r) { return r.first == c.found.front().effect.name; });
+    for (auto r = c.ranking.begin(); first != c.ranking.end() && r != c.ranking.end(); ++r)
+      if (r != first && r->second > 0.0)
+        n.behind.push_back(old.temperature * std::log(r->second / first->second));
+    named.push_back(std::move(n));
+    for (const ComparedInterval& i : compared_intervals(c)) {
+      const double half = i.truth > i.value ? i.high - i.value : i.value - i.low;
+      const double factor = c.nominal_error > 0.0 ? old.interval_factor_off : old.interval_factor;
+      (c.nominal_error > 0.0 ? errors_off : errors)
+          .push_back(factor * std::abs(i.truth - i.value) / std::max(half, 1e-12));
+    }
+  }
+  if (named.size() < least_cases)
+    throw Error("calibration: " + std::to_string(named.size()) + " cases with an effect named, " +
+                std::to_string(least_cases) + " are needed");
+  Calibration best = old;
+  double most = -1e300;
+  for (double temperature = 1.0; temperature <= 16.0; temperature *= std::sqrt(2.0)) {
+    for (const double doubt : {0.002, 0.005, 0.01, 0.02, 0.04}) {
+      for (const double rest : {0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0}) {
+        double likelihood = 0.0;
+        for (const Named& n : named) {
+          const double p = std::clamp(probability(n, temperature, doubt, rest), 1e-6, 1.0 - 1e-6);
+          likelihood += std::log(n.right ? p : 1.0 - p);
+        }
+        if (likelihood > most) {
+          most = likelihood;
+          best.temperature = temperature;
+          best.doubt = doubt;
+          best.doubt_of_rest = rest;
+        }
+      }
+    }
+  }
+  if (errors.size() >= least_cases) best.interval_factor = quantile(errors, interval);
+  if (errors_off.size() >= least_cases) best.interval_factor_off = quantile(errors_off, interval);
+  return best;
+}
+
+std::string calibration_yaml(const Calibration& c, const std::string& command) {
+  std::ostringstream out;
+  out.precision(4);
+  out << "# What makes the probabilities and intervals of a diagnosis mean what they say, see "
+         "docs/diagnosis.md.\n"
+      << "# Made by: " << command << "\n"
+      << "format: dynid-calibration-1\n"
+      << "temperature: " << c.temperature << "\ndoubt: " << c.doubt << "\ndoubt_of_rest: " << c.doubt_of_rest
+      << "\ninterval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
+      << "\n";
+  return out.str();
+}
+
+}  // namespace dynid
