@@ -7,16 +7,23 @@
 
 #include "dynid/command.hpp"
 #include "dynid/commands.hpp"
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/error.hpp"
+#include "dynid/file.hpp"
 
 namespace dynid {
 namespace {
+
+const std::map<std::string, BlindKind> kinds = {{"clean", BlindKind::clean},
+                                                {"nominal", BlindKind::nominal},
+                                                {"weak", BlindKind::weak},
+                                                {"mixed", BlindKind::mixed}};
 
 struct Arguments {
   Output output;
   RobotOption model;
   BlindOptions options;
-  bool keep = false;
+  std::string calibration;  // file to write
 };
 
 nlohmann::json case_json(const BlindCase& c) {
@@ -29,14 +36,15 @@ nlohmann::json case_json(const BlindCase& c) {
                      {"parameters", e.effect.parameters},
                      {"probability", e.probability},
                      {"aliases", e.aliases}});
-  return {{"truth", truth},     {"withheld", c.withheld}, {"verdict", to_string(c.verdict)},
-          {"found", found},     {"p_value", c.p_value},   {"explained", c.explained},
-          {"shrink", c.shrink}, {"seconds", c.seconds},   {"failure", c.failure}};
+  return {{"truth", truth},       {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
+          {"found", found},       {"p_value", c.p_value},         {"explained", c.explained},
+          {"shrink", c.shrink},   {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
+          {"seconds", c.seconds}, {"failure", c.failure}};
 }
 
 void run(const Arguments& a) {
   namespace fs = std::filesystem;
-  a.output.check();
+  a.output.check({a.calibration});
   Output silent = a.output;
   silent.quiet = true;
   BlindOptions options = a.options;
@@ -76,9 +84,19 @@ void run(const Arguments& a) {
                            {"covered", s.covered},
                            {"parameter_error", s.parameter_error},
                            {"shrink", s.shrink},
+                           {"shrink_of_true", s.shrink_of_true},
                            {"confusion", s.confusion}};
   result["list"] = nlohmann::json::array();
   for (const BlindCase& c : cases) result["list"].push_back(case_json(c));
+  if (!a.calibration.empty()) {
+    std::string kind;
+    for (const auto& [name, value] : kinds)
+      if (value == options.kind) kind = name;
+    write_file(a.calibration,
+               calibration_yaml(fit_calibration(cases),
+                                "dynid blind --cases " + std::to_string(options.cases) + " --seed " +
+                                    std::to_string(options.seed) + " --kind " + kind + " --calibrate FILE"));
+  }
   a.output.write(result);
   if (!a.output.summary()) return;
   std::cout << s.cases << " cases, seed " << options.seed << "\n  no gap: " << s.false_alarms << " of "
@@ -87,7 +105,8 @@ void run(const Arguments& a) {
             << " of " << s.pairs << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
             << "\n  wrong at a probability of 0.9 or more: " << s.confident_wrong << "\n  calibration error "
             << s.calibration_error << ", intervals cover " << s.covered << " of " << s.intervals
-            << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink << "\n";
+            << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink << " ("
+            << s.shrink_of_true << " of what the true effects give)\n";
   for (const auto& [truth, named] : s.confusion) {
     std::cout << "  " << std::setw(34) << std::left << truth << std::right;
     for (const auto& [name, count] : named) std::cout << " " << name << " " << count << ";";
@@ -106,13 +125,20 @@ void add_blind(CLI::App& app, int& status) {
   command->add_option("--cases", a->options.cases, "Cases")->required()->check(CLI::PositiveNumber);
   command->add_option("--seed", a->options.seed, "Of the bank")->capture_default_str();
   command
-      ->add_option("--kind", a->options.kind,
-                   "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, BlindKind>{
-          {"clean", BlindKind::clean}, {"nominal", BlindKind::nominal}, {"weak", BlindKind::weak}}))
+      ->add_option(
+          "--kind", a->options.kind,
+          "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x; mixed: "
+          "each in turn")
+      ->transform(CLI::CheckedTransformer(kinds))
       ->type_name("KIND");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");
+  command
+      ->add_option(
+          "--calibrate", a->calibration,
+          "Fit what makes probabilities and intervals mean what they say to this bank, and write it (YAML; "
+          "config/diagnosis_calibration.yaml is built in)")
+      ->type_name("FILE");
   a->output.add_to(*command);
   command->footer("Example: dynid blind --cases 200 --seed 7 --kind nominal --json blind.json");
   command->callback([a, &status] {

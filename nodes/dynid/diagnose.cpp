@@ -52,33 +52,40 @@ nlohmann::json diagnosis_json(const Diagnosis& d) {
   for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
   for (const auto& [name, probability] : d.ranking)
     ranking.push_back({{"name", name}, {"probability", probability}});
+  nlohmann::json visible = nlohmann::json::array();
+  for (const VisibleSize& v : d.smallest_visible)
+    visible.push_back({{"name", v.name}, {"joint", v.joint}, {"torque_rms", v.torque_rms}});
   nlohmann::json separates = nlohmann::json::array();
   for (const auto& [a, b] : d.next.separates) separates.push_back({a, b});
-  return {
-      {"format", "dynid-diagnosis-1"},
-      {"data", to_json(d.logs)},
-      {"gap", {{"rms", to_json(d.rms)}, {"floor", to_json(d.floor)}, {"where", where}, {"windows", windows}}},
-      {"p_value", d.p_value},
-      {"verdict", to_string(d.verdict)},
-      {"effects", effects},
-      {"ranking", ranking},
-      {"shrink",
-       {{"before", to_json(d.shrink.before)},
-        {"after", to_json(d.shrink.after)},
-        {"floor", to_json(d.shrink.floor)},
-        {"fraction", d.shrink.fraction},
-        {"low", d.shrink.low},
-        {"high", d.shrink.high},
-        {"held_out", d.shrink.held_out},
-        {"rollout",
-         {{"horizon_s", to_json(d.rollout.horizon)},
-          {"before", to_json(d.rollout.before)},
-          {"after", to_json(d.rollout.after)}}}}},
-      {"next_experiment", {{"text", d.next.text}, {"separates", separates}, {"trajectory", nullptr}}},
-      {"nominal_error", d.nominal_error},
-      {"explained", d.explained},
-      {"cutoff_hz", d.cutoff},
-      {"seconds", d.seconds}};
+  return {{"format", "dynid-diagnosis-1"},
+          {"data", to_json(d.logs)},
+          {"gap",
+           {{"rms", to_json(d.rms)},
+            {"floor", to_json(d.floor)},
+            {"where", where},
+            {"windows", windows},
+            {"smallest_visible", visible}}},
+          {"p_value", d.p_value},
+          {"verdict", to_string(d.verdict)},
+          {"effects", effects},
+          {"ranking", ranking},
+          {"shrink",
+           {{"before", to_json(d.shrink.before)},
+            {"after", to_json(d.shrink.after)},
+            {"floor", to_json(d.shrink.floor)},
+            {"fraction", d.shrink.fraction},
+            {"low", d.shrink.low},
+            {"high", d.shrink.high},
+            {"held_out", d.shrink.held_out},
+            {"rollout",
+             {{"horizon_s", to_json(d.rollout.horizon)},
+              {"before", to_json(d.rollout.before)},
+              {"after", to_json(d.rollout.after)}}}}},
+          {"next_experiment", {{"text", d.next.text}, {"separates", separates}, {"trajectory", nullptr}}},
+          {"nominal_error", d.nominal_error},
+          {"explained", d.explained},
+          {"cutoff_hz", d.cutoff},
+          {"seconds", d.seconds}};
 }
 
 void print(const Diagnosis& d) {
@@ -98,6 +105,13 @@ void print(const Diagnosis& d) {
   if (!d.effects.empty())
     std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low
               << " to " << 100.0 * d.shrink.high << " %) on data not used\n";
+  if (!d.smallest_visible.empty()) {
+    const auto least = std::max_element(
+        d.smallest_visible.begin(), d.smallest_visible.end(),
+        [](const VisibleSize& a, const VisibleSize& b) { return a.torque_rms < b.torque_rms; });
+    std::cout << "  would have been named on any joint: " << least->name << " and simpler ones of "
+              << least->torque_rms << " N m rms\n";
+  }
   std::cout << "Next: " << d.next.text << "\n";
 }
 
@@ -135,7 +149,8 @@ std::string command_line(const Arguments& a) {
   return out;
 }
 
-void run(const Arguments& a) {
+/// Whether the data were fit to be diagnosed.
+bool run(const Arguments& a) {
   a.output.check({a.patch, a.report, a.next_trajectory});
   Output silent = a.output;
   silent.quiet = true;
@@ -177,6 +192,7 @@ void run(const Arguments& a) {
                to_html(d, {nominal.name, a.logs, command_line(a), DYNID_VERSION, !a.reference.empty()}));
   a.output.write(result);
   if (a.output.summary()) print(d);
+  return d.verdict != Verdict::data_invalid;
 }
 
 }  // namespace
@@ -216,10 +232,7 @@ void add_diagnose(CLI::App& app, int& status) {
   command->footer(
       "Example: dynid diagnose --model config/panda.yaml --log a.csv b.csv --patch patched.yaml "
       "--report report.html");
-  command->callback([a, &status] {
-    run(*a);
-    status = 0;
-  });
+  command->callback([a, &status] { status = run(*a) ? 0 : 1; });
 }
 
 }  // namespace dynid

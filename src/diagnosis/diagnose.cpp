@@ -30,7 +30,7 @@ using detail::UnitShape;
 namespace {
 
 constexpr double floor_room = 3.0;                              // coloured noise in parts of the white floor
-constexpr double least_explained = 0.5, fully_explained = 0.9;  // parts of the gap's energy
+constexpr double least_explained = 0.65, fully_explained = 0.9;  // parts of the gap's energy
 constexpr double detection = 0.05;                              // p-value of a gap
 constexpr double block_seconds = 1.0;                           // of held-out blocks and of the bootstrap
 
@@ -440,6 +440,19 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     const GapModel again = search.best(kappa, options.most_effects);
     if (again.score > model.score) model = again;
   }
+  if (std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); })) {
+    // Beside an effect that does not come back, others have to hold where it is not.
+    std::vector<Adopted> once_only;
+    Eigen::MatrixXd rest = held.y;
+    for (std::size_t k = 0; k < model.effects.size(); ++k) {
+      if (model.effects[k].h->once())
+        once_only.push_back(model.effects[k]);
+      else
+        rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+    }
+    if (energy(rest, rows.white_floor) > energy(held.y, rows.white_floor) + double(rows.joints()))
+      model = search.evaluate(std::move(once_only), model.kappa);
+  }
   const GapModel none = search.none(model.kappa);
   out.nominal_error = model.kappa;
 
@@ -468,20 +481,11 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.explained = model.effects.empty() ? 0.0 : explained(rows, model.fit.residual);
   const bool once =
       std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); });
-  if (!model.effects.empty()) {
-    // What was found has to hold where it was not found; what does not come back there has no say.
-    Eigen::MatrixXd rest = held.y;
-    bool any = false;
-    for (std::size_t k = 0; k < model.effects.size(); ++k) {
-      if (model.effects[k].h->once()) continue;
-      rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
-      any = true;
-    }
-    if (!once)
-      out.explained =
-          std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
-    else if (any && energy(rest, noise) > energy(held.y, noise) + double(noise.size()))
-      out.explained = 0.0;
+  if (!model.effects.empty() && !once) {
+    // What was found has to hold where it was not found.
+    const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
+    out.explained =
+        std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
   }
   if (model.effects.empty()) {
     if (left_over(model.fit.residual))
