@@ -29,10 +29,10 @@ using detail::UnitShape;
 
 namespace {
 
-constexpr double floor_room = 3.0;                              // coloured noise in parts of the white floor
+constexpr double floor_room = 3.0;                               // coloured noise in parts of the white floor
 constexpr double least_explained = 0.65, fully_explained = 0.9;  // parts of the gap's energy
-constexpr double detection = 0.05;                              // p-value of a gap
-constexpr double block_seconds = 1.0;                           // of held-out blocks and of the bootstrap
+constexpr double detection = 0.05;                               // p-value of a gap
+constexpr double block_seconds = 1.0;                            // of held-out blocks and of the bootstrap
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
   return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
@@ -410,6 +410,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   for (const auto& h : hypotheses())
     if (std::find(options.withhold.begin(), options.withhold.end(), h->name()) == options.withhold.end())
       library.push_back(h.get());
+  library.insert(library.end(), options.extra.begin(), options.extra.end());
   say("effects", 0.1);
   const Search search(rows, library);
 

@@ -2,13 +2,16 @@
 #include "dynid/diagnosis/diagnose.hpp"
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "dynid/diagnosis/blind.hpp"
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/error.hpp"
 #include "dynid/file.hpp"
@@ -228,6 +231,202 @@ TEST(Diagnose, TheSameForASeed) {
     EXPECT_EQ(a.effects[k].effect.parameters, b.effects[k].effect.parameters);
     EXPECT_EQ(a.effects[k].probability, b.effects[k].probability);
   }
+}
+
+// Law: nor does the number of threads change a digit.
+TEST(Diagnose, TheSameForAnyNumberOfThreads) {
+  const Robot robot = panda();
+  const std::vector<Log> logs =
+      recorded(robot, {"viscous_friction:joints=3,coefficient=0.9", "torque_gain:joints=2,gain=0.1"}, 9, 8.0);
+  const Diagnosis all = diagnose(robot, logs);
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  const Diagnosis alone = diagnose(robot, logs);
+  ASSERT_EQ(all.effects.size(), alone.effects.size());
+  EXPECT_EQ(all.p_value, alone.p_value);
+  EXPECT_EQ(all.ranking, alone.ranking);
+  EXPECT_EQ(all.shrink.fraction, alone.shrink.fraction);
+  for (std::size_t k = 0; k < all.effects.size(); ++k)
+    EXPECT_EQ(all.effects[k].effect.parameters, alone.effects[k].effect.parameters);
+}
+
+// Law: which way a joint counts, and what it is called, is a matter of taste.
+TEST(Diagnose, RelabelledJointsTellTheSame) {
+  Robot robot = panda();
+  for (Joint& joint : robot.joints) joint.friction = {};
+  std::vector<Log> logs = recorded(robot, {"torque_offset:joints=4,offset=1.1"}, 61);
+  const Diagnosis one = diagnose(robot, logs);
+  Robot other = robot;
+  for (std::size_t j = 0; j < 7; ++j) other.joints[j].name = "axis_" + std::to_string(7 - j);
+  for (const std::size_t j : {std::size_t{1}, std::size_t{3}}) {
+    other.joints[j].axis = -other.joints[j].axis;
+    const auto column = static_cast<Eigen::Index>(j);
+    for (Log& log : logs) {
+      log.q.col(column) *= -1.0;
+      log.dq.col(column) *= -1.0;
+      log.tau.col(column) *= -1.0;
+    }
+  }
+  const Diagnosis two = diagnose(other, logs);
+  ASSERT_EQ(one.effects.size(), 1U);
+  ASSERT_EQ(two.effects.size(), 1U);
+  EXPECT_EQ(one.effects[0].effect.name, "torque_offset");
+  EXPECT_EQ(two.effects[0].effect.name, "torque_offset");
+  EXPECT_EQ(one.effects[0].effect.joints, two.effects[0].effect.joints);
+  EXPECT_NEAR(value(one.effects[0], "offset", 3), -value(two.effects[0], "offset", 3), 1e-3);
+  EXPECT_NEAR(one.effects[0].probability, two.effects[0].probability, 1e-3);
+}
+
+/// An effect of the library under another name.
+class Twin : public Hypothesis {
+ public:
+  explicit Twin(const Hypothesis& of) : of_(of) {}
+  std::string name() const override { return "twin"; }
+  Scope scope() const override { return of_.scope(); }
+  std::vector<ShapeParameter> shape() const override { return of_.shape(); }
+  bool shape_only() const override { return of_.shape_only(); }
+  double prior() const override { return of_.prior(); }
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
+    return of_.columns(motion, unit, shape);
+  }
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd& shape) const override {
+    return of_.parameters(robot, unit, c, shape);
+  }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    of_.restore(robot, effect, unit, c, shape);
+  }
+
+ private:
+  const Hypothesis& of_;
+};
+
+// Law: of two effects that are the same, one is named, at half the probability, and the other as not told
+// from it.
+TEST(Diagnose, ARepeatedEffectSharesItsProbability) {
+  const Robot robot = panda();
+  const std::vector<Log> logs = recorded(robot, {"joint_spring:joints=3,stiffness=1.5,rest=0.1"}, 21);
+  DiagnoseOptions options;
+  const Diagnosis once = diagnose(robot, logs, options);
+  const Twin twin(*find_hypothesis("joint_spring"));
+  options.extra = {&twin};
+  options.replay = false;
+  const Diagnosis twice = diagnose(robot, logs, options);
+  ASSERT_EQ(once.effects.size(), 1U);
+  ASSERT_EQ(twice.effects.size(), 1U);
+  const FoundEffect& found = twice.effects[0];
+  EXPECT_NEAR(found.probability, 0.5 * once.effects[0].probability, 0.01);
+  const std::string other = found.effect.name == "twin" ? "joint_spring" : "twin";
+  EXPECT_NE(std::find(found.aliases.begin(), found.aliases.end(), other), found.aliases.end());
+}
+
+// Where there is no gap, its p-value is uniform: Kolmogorov and Smirnov's distance over seeded robots at
+// work.
+TEST(Diagnose, PValuesWithoutAGapAreUniform) {
+  const Robot robot = panda();
+  DiagnoseOptions options;
+  options.replay = false;
+  options.surrogates = 99;
+  std::vector<double> p;
+  for (unsigned long seed = 500; seed < 530; ++seed) {
+    options.seed = static_cast<unsigned>(seed);
+    p.push_back(diagnose(robot, recorded(robot, {}, 2 * seed, 8.0), options).p_value);
+  }
+  std::sort(p.begin(), p.end());
+  double distance = 0.0;
+  for (std::size_t k = 0; k < p.size(); ++k)
+    distance = std::max({distance, std::abs(p[k] - double(k) / double(p.size())),
+                         std::abs(p[k] - double(k + 1) / double(p.size()))});
+  EXPECT_LT(distance, 0.29) << "1 % point for 30 cases";
+}
+
+// Two effects on the same joints are both named, each with the joints it has.
+TEST(Diagnose, EffectsThatShareJointsAreToldApart) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot,
+                                               {"coulomb_friction:joints=2+4,coefficient=0.9",
+                                                "viscous_friction:joints=4+6,coefficient=1.4"},
+                                               15));
+  ASSERT_EQ(d.effects.size(), 2U);
+  double shares = 0.0;
+  for (const FoundEffect& e : d.effects) {
+    shares += e.share;
+    EXPECT_EQ(e.effect.joints,
+              e.effect.name == "coulomb_friction" ? (std::vector<int>{2, 4}) : (std::vector<int>{4, 6}))
+        << e.effect.name;
+  }
+  EXPECT_NEAR(shares, 1.0, 1e-9);
+}
+
+// Stick and slip: friction that falls with speed, seen through a filter far slower than the slip.
+TEST(Diagnose, FrictionThatSticksIsNamed) {
+  const Robot robot = panda();
+  const Diagnosis d =
+      diagnose(robot, recorded(robot, {"stribeck_friction:joints=6,static=1.2,stribeck_velocity=0.12"}, 18));
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(d.effects[0].effect.name, "stribeck_friction");
+  EXPECT_NEAR(value(d.effects[0], "static", 5), 1.2, 0.15);
+  EXPECT_GT(d.shrink.fraction, 0.9);
+}
+
+// What is said to be visible is seen, and what is far below is not.
+TEST(Diagnose, VisibleSizesAreSeen) {
+  const Robot robot = panda();
+  const Diagnosis nothing = diagnose(robot, recorded(robot, {}, 77));
+  ASSERT_TRUE(nothing.effects.empty());
+  const auto visible = std::find_if(nothing.smallest_visible.begin(), nothing.smallest_visible.end(),
+                                    [](const VisibleSize& v) { return v.name == "torque_offset"; });
+  ASSERT_NE(visible, nothing.smallest_visible.end());
+  const std::string joint = std::to_string(visible->joint);
+  const auto with = [&](double factor) {
+    return diagnose(robot, recorded(robot,
+                                    {"torque_offset:joints=" + joint +
+                                     ",offset=" + std::to_string(factor * visible->torque_rms)},
+                                    77));
+  };
+  const Diagnosis large = with(4.0), small = with(0.2);
+  ASSERT_FALSE(large.effects.empty());
+  EXPECT_EQ(large.effects[0].effect.name, "torque_offset");
+  EXPECT_TRUE(small.effects.empty());
+}
+
+TEST(Diagnose, DataThatCannotBeTrustedAreInvalid) {
+  const Robot robot = panda();
+  std::vector<Log> degrees = recorded(robot, {}, 4);
+  for (Log& log : degrees) log.dq *= 180.0 / M_PI;
+  const Diagnosis d = diagnose(robot, degrees);
+  EXPECT_EQ(d.verdict, Verdict::data_invalid);
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_EQ(d.logs[0].report.issues[0].name, "velocity_mismatch");
+  std::vector<Log> dead = recorded(robot, {}, 4);
+  dead[1].tau.col(2).setZero();
+  const Diagnosis e = diagnose(robot, dead);
+  EXPECT_EQ(e.verdict, Verdict::data_invalid);
+  EXPECT_EQ(e.logs[0].report.issues[0].name, "torque_missing");
+  EXPECT_EQ(e.logs[0].report.issues[0].joints, std::vector<int>{3});
+}
+
+// Law: cases whose first effect is right as often as its probability says ask for no other temperature.
+TEST(Calibration, FindsTheTemperature) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> uniform;
+  const double twice = 2.0 * calibration().temperature;
+  std::vector<BlindCase> cases;
+  for (int k = 0; k < 400; ++k) {
+    // Two effects, the second behind by `gap` of score: right with the probability of twice the temperature.
+    const double gap = 30.0 * uniform(random), now = 1.0 / (1.0 + std::exp(-gap / calibration().temperature));
+    BlindCase c;
+    c.truth = {{uniform(random) < 1.0 / (1.0 + std::exp(-gap / twice)) ? "a" : "b", {1}, {}}};
+    FoundEffect found;
+    found.effect = {"a", {1}, {}};
+    c.found = {found};
+    c.explained = 1.0;
+    c.ranking = {{"a", now}, {"b", 1.0 - now}};
+    cases.push_back(c);
+  }
+  EXPECT_NEAR(std::log2(fit_calibration(cases).temperature / twice), 0.0, 0.8);
+  cases.resize(10);
+  EXPECT_THROW(fit_calibration(cases), Error);
 }
 
 TEST(Diagnose, BadInputIsNamed) {

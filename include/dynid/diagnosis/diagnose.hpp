@@ -20,6 +20,8 @@ namespace dynid {
 enum class Verdict { no_gap, not_detected, explained, partly_explained, unexplained, data_invalid };
 const char* to_string(Verdict verdict);
 
+class Hypothesis;
+
 /// One number (or several) with its 90 % interval.
 struct Estimate {
   std::string key, unit;
@@ -58,8 +60,9 @@ struct Shrink {
 };
 
 struct DiagnoseOptions {
-  double cutoff = 0.0;                ///< [Hz] of the band looked at; 0: chosen, at most 10
-  std::vector<std::string> withhold;  ///< effects taken out of the library
+  double cutoff = 0.0;                   ///< [Hz] of the band looked at; 0: chosen, at most 10
+  std::vector<std::string> withhold;     ///< effects taken out of the library
+  std::vector<const Hypothesis*> extra;  ///< effects of one's own, beside the library's; to outlive the call
   int most_effects = 3;
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
   unsigned seed = 1;        ///< of surrogates and intervals
