@@ -304,7 +304,9 @@ std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<
       for (const Segment& s : prepared[l].segments) {
         const Eigen::VectorXd rate = differentiate(s.q.col(j), s.rate);
         speed += rate.squaredNorm();
-        mismatch += (s.speed.col(j) - rate).squaredNorm();
+        Eigen::MatrixXd logged = s.speed.col(j);
+        ZeroPhaseButterworth(prepared[l].cutoff, s.rate).apply(logged);
+        mismatch += (logged - rate).squaredNorm();
       }
       double samples = 0.0;
       for (const Segment& s : prepared[l].segments) samples += double(s.t.size());

@@ -14,6 +14,16 @@ constexpr Eigen::Index directions = 24;  // of the nuisance, at most
 constexpr double least_floor = 1e-4;     // of the largest load
 constexpr double usual_lateness = 1e-3;  // [s] of stamps
 
+/// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have
+/// any direction, and is relative to how far out its mass lies.
+Eigen::Matrix<double, 10, 1> sizes(const StandardParameters& p) {
+  const double mass = std::abs(p[0]), spread = std::sqrt(std::max(0.0, (p[4] + p[5] + p[6]) / 2.0 * mass));
+  Eigen::Matrix<double, 10, 1> out;
+  out << mass, Eigen::Vector3d::Constant(std::max(p.segment<3>(1).norm(), 0.5 * spread)),
+      Eigen::Matrix<double, 6, 1>::Constant(std::abs(p[4] + p[5] + p[6]) / 3.0);
+  return out;
+}
+
 }  // namespace
 
 GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
@@ -153,7 +163,7 @@ void GapRows::make_nuisance() {
       Eigen::MatrixXd columns(m.samples(), 10 * n + 6);
       for (int l = 0; l < n; ++l)
         columns.middleCols(10 * l, 10) =
-            m.link_columns(l, j) * robot.joints[static_cast<std::size_t>(l)].parameters.asDiagonal();
+            m.link_columns(l, j) * sizes(robot.joints[static_cast<std::size_t>(l)].parameters).asDiagonal();
       for (Eigen::Index i = 0; i < m.samples(); ++i) {
         const Eigen::RowVector3d linear = friction_regressor(f.linear, m.speed(i, j));
         const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.speed(i, j));

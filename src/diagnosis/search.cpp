@@ -543,8 +543,10 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
     }
     G.diagonal().array() += 1e-9 * G.trace() / double(p) + 1e-300;
     Eigen::VectorXd explained = h.cwiseProduct(G.ldlt().solve(h)).colwise().sum().transpose();
-    const double mean = explained.tail(count).mean();
-    const double deviation = std::sqrt((explained.tail(count).array() - mean).square().mean()) + 1e-12;
+    // The gap is one of them here: only then is it, without an effect, no more likely the largest than
+    // another.
+    const double mean = explained.mean();
+    const double deviation = std::sqrt((explained.array() - mean).square().mean()) + 1e-12;
     statistic.row(static_cast<Eigen::Index>(b)) = ((explained.array() - mean) / deviation).transpose();
   });
   const Eigen::VectorXd most = statistic.colwise().maxCoeff().transpose();

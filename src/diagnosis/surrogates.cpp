@@ -14,6 +14,7 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> angle(-M_PI, M_PI);
   std::normal_distribution<double> normal;
+  std::chi_squared_distribution<double> chi_squared(10.0);
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(count), Eigen::MatrixXd(gap.rows(), gap.cols()));
   Eigen::FFT<double> fft;
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
@@ -32,14 +33,20 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
         turn[static_cast<std::size_t>(k)] = phase;
         if (2 * k != size) turn[static_cast<std::size_t>(size - k)] = std::conj(phase);
       }
-      const double mean = normal(random);
+      // The zero bin has no phase to turn. Its amplitude is drawn from the lowest bins, as they go together
+      // over the joints; being an estimate from 2 x `lowest` numbers, its distribution is Student's.
+      const Eigen::Index lowest = std::min<Eigen::Index>(5, half);
+      Eigen::VectorXd mix(2 * lowest);
+      for (double& m : mix) m = normal(random);
+      mix /= std::sqrt(chi_squared(random));
       for (Eigen::Index j = 0; j < gap.cols(); ++j) {
         std::vector<Complex> turned = spectra[static_cast<std::size_t>(j)];
-        double low = 0.0;
-        const Eigen::Index lowest = std::min<Eigen::Index>(3, half);
-        for (Eigen::Index k = 1; k <= lowest; ++k)
-          low += std::norm(turned[static_cast<std::size_t>(k)]) / double(lowest);
-        turned[0] = mean * std::sqrt(low);
+        double mean = 0.0;
+        for (Eigen::Index k = 1; k <= lowest; ++k) {
+          const Complex bin = turned[static_cast<std::size_t>(k)];
+          mean += std::sqrt(2.0) * (mix[2 * k - 2] * bin.real() + mix[2 * k - 1] * bin.imag());
+        }
+        turned[0] = mean;
         for (std::size_t k = 1; k < turned.size(); ++k) turned[k] *= turn[k];
         std::vector<double> x;
         fft.inv(x, turned);

@@ -2,14 +2,22 @@
 // (d tau / d q_j) dq0_j: the joint stands dq0 further than its encoder says.
 #include "effects.hpp"
 
+#include <cmath>
+
 namespace dynid::detail {
 namespace {
+
+constexpr double largest = 0.15;  // [rad]: a tooth, not a turn
 
 class EncoderOffset : public OwnTorque {
  public:
   EncoderOffset() : OwnTorque("encoder_offset", {{"offset", "rad"}}) {}
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     return all_channels({shifted_joint(motion, unit, Eigen::VectorXd::Ones(motion.samples()))});
+  }
+
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return std::abs(c[0]) < largest;
   }
 
  protected:

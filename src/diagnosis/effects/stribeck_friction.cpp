@@ -11,7 +11,8 @@ class StribeckFriction : public OwnTorque {
   StribeckFriction() : OwnTorque("stribeck_friction", {{"static", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override {
     return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true},
-            sign_width(),
+            // Narrower than the bump itself: else the two would only be a factor.
+            {"velocity_scale", "rad/s", 0.002, 0.03, 3, true},
             {"exponent", "1", 1.0, 2.0, 2, false}};
   }
 
