@@ -117,33 +117,19 @@ double Search::price(const Hypothesis& h, const UnitShape& unit) const {
          (h.scope() == Scope::arm ? 0.0 : std::log(double(rows_.joints())));
 }
 
-Search::Channel Search::channel_of(const GapModel& model, int joint,
-                                   const std::vector<const UnitShape*>& kept) const {
+Search::Channel Search::channel_of(const GapModel& model, int joint, bool keep_own) const {
   Channel out{model.fit.left.col(joint), Eigen::MatrixXd(rows_.size(), 0), 0.0, {}};
-  Eigen::Index at = 0, size = 0;
+  Eigen::Index at = 0;
   for (const Adopted& e : model.effects) {
     for (const UnitShape& u : e.units) {
       const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
       if (own_channel(*e.h, *u.block) && u.block->channels[0] == joint) {
         const Eigen::MatrixXd& values = u.block->values[0];
-        const bool stays = std::find(kept.begin(), kept.end(), &u) != kept.end();
-        if (p > 0) {
-          out.y += values * model.fit.theta.segment(at, p);
-          if (stays) size += p;
-        } else if (!stays) {
-          out.y += values.rowwise().sum();
-        }
+        if (p > 0) out.y += values * model.fit.theta.segment(at, p);
+        if (p > 0 && keep_own) out.columns = beside(out.columns, values);
+        if (p == 0 && !keep_own) out.y += values.rowwise().sum();
       }
       at += p;
-    }
-  }
-  out.columns.resize(rows_.size(), size);
-  size = 0;
-  for (const UnitShape* u : kept) {
-    for (const Adopted& e : model.effects) {
-      if (e.h->shape_only() || u < e.units.data() || u >= e.units.data() + e.units.size()) continue;
-      out.columns.middleCols(size, u->block->size()) = u->block->values[0];
-      size += u->block->size();
     }
   }
   const ChannelFit fit = fit_channel(rows_, joint, out.y, out.columns, model.kappa);
@@ -157,12 +143,8 @@ Search::Base Search::base_of(const GapModel& model) const {
   const auto n = static_cast<std::size_t>(rows_.joints());
   Base base{model, std::vector<Channel>(n), {2, std::vector<Whitener>(n)}};
   tbb::parallel_for(0, rows_.joints(), [&](int j) {
-    std::vector<const UnitShape*> kept;
-    for (const Adopted& e : model.effects)
-      for (const UnitShape& u : e.units)
-        if (own_channel(*e.h, *u.block) && u.block->channels[0] == j) kept.push_back(&u);
     const auto at = static_cast<std::size_t>(j);
-    base.channels[at] = channel_of(model, j, kept);
+    base.channels[at] = channel_of(model, j, true);
     base.by[0][at] = whitener(rows_, j, white(rows_.y.col(j)), model.kappa);
     base.by[1][at] = whitener(rows_, j, model.fit.noise[at], model.kappa);
   });
@@ -345,9 +327,8 @@ GapModel Search::reassigned(const GapModel& model) const {
   std::vector<std::vector<UnitShape>> decided(static_cast<std::size_t>(rows_.joints()));
   std::vector<std::vector<std::size_t>> whose(decided.size());
   for (int j = 0; j < rows_.joints(); ++j) {
-    const Channel alone = channel_of(model, j, {});
-    // Each effect as it stands on this joint; where it does not, in its best form by itself and beside
-    // another.
+    const Channel alone = channel_of(model, j, false);
+    // Each effect as it stands on this joint; where it does not, in its best form by itself.
     std::vector<std::vector<UnitShape>> forms;
     bool any = false;
     for (const std::size_t k : own) {

@@ -85,8 +85,8 @@ class Search {
   /// What one unit of an effect costs of the score, but for the effect itself.
   double price(const Hypothesis& h, const UnitShape& unit) const;
   Base base_of(const GapModel& model) const;
-  /// The joint without its own effects but `kept`.
-  Channel channel_of(const GapModel& model, int joint, const std::vector<const UnitShape*>& kept) const;
+  /// `keep_own`: the joint's own effects stay, to be fitted anew; else they are taken out.
+  Channel channel_of(const GapModel& model, int joint, bool keep_own) const;
   /// The best form of one effect beside those of `base`.
   Adopted propose(const Hypothesis& h, const Grid& grid, const Base& base) const;
   Adopted propose_own(const Hypothesis& h, const Grid& grid, const Base& base) const;
