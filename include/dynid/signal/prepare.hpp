@@ -41,7 +41,7 @@ struct PrepareOptions {
   bool bridge_gaps = false;       ///< interpolate across gaps of any length: one segment
   /// [Hz] of Segment::speed, at most 0.4 times the log's rate; 0: none.
   double speed_cutoff = 0.0;
-  bool thin = true;               ///< keep about 25 times the cut-off; false: the log's own rate or more
+  bool thin = true;  ///< keep about 25 times the cut-off; false: the log's own rate or more
 };
 
 /// A stretch of the log without gaps, on a uniform grid.
@@ -51,8 +51,8 @@ struct Segment {
   Eigen::MatrixXd q;    ///< N x n, low-passed at the cut-off
   Eigen::MatrixXd dq;   ///< N x n
   Eigen::MatrixXd ddq;  ///< N x n
-  /// N x n [rad/s], or empty: in a wider band, for what is not smooth in the velocity (friction at a reversal or
-  /// in stick and slip), whose torque is to be low-passed after it is computed.
+  /// N x n [rad/s], or empty: in a wider band, for what is not smooth in the velocity (friction at a reversal
+  /// or in stick and slip), whose torque is to be low-passed after it is computed.
   Eigen::MatrixXd speed;
   Eigen::MatrixXd
       tau;  ///< N x n, only protected against aliasing: to be low-passed with the regressor's columns
