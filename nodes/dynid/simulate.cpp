@@ -151,7 +151,7 @@ void run(const Arguments& a) {
   std::vector<Eigen::VectorXd> rms;
   for (std::size_t k = 0; k < simulated.truth.effects.size(); ++k) {
     labels.push_back(label(simulated.truth.effects[k]));
-    rms.push_back(
+    rms.emplace_back(
         (simulated.injected[k].colwise().squaredNorm() / double(simulated.t.size())).cwiseSqrt().transpose());
     added.push_back(to_json(rms.back()));
   }

@@ -39,10 +39,10 @@ fs::path find_mesh(const std::string& uri, const fs::path& folder) {
   if (const char* list = std::getenv("ROS_PACKAGE_PATH")) {
     std::istringstream places(list);
     for (std::string place; std::getline(places, place, ':');)
-      if (const fs::path found = place.empty() ? fs::path() : in(place); !found.empty()) return found;
+      if (fs::path found = place.empty() ? fs::path() : in(place); !found.empty()) return found;
   }
   for (fs::path place = folder; !place.empty(); place = place.parent_path()) {
-    if (const fs::path found = in(place); !found.empty()) return found;
+    if (fs::path found = in(place); !found.empty()) return found;
     if (place == place.parent_path()) break;
   }
   return {};

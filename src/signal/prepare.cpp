@@ -115,6 +115,7 @@ Lag velocity_lag(const Log& log, const Interval& in, double cutoff) {
   if (lags.empty()) return {};
   const double value = median(lags);
   std::vector<double> off;
+  off.reserve(lags.size());
   for (double lag : lags) off.push_back(std::abs(lag - value));
   return {value, 1.4826 * median(off) / std::sqrt(double(lags.size()))};
 }

@@ -19,7 +19,7 @@ template <bool prismatic, int N, class S, class Q, class V, class A, class T>
   joint_rotations<S>(model, q, pass, c, s);
 
   Motion<E> motion = base_motion<E>(model);
-  Wrench<E> w;
+  Wrench<E> w{};
   int i = 0;
   if constexpr (!prismatic) {
     motion = first_step(motion, c[0], s[0], coefficient<S>(dq, 0, pass), coefficient<S>(ddq, 0, pass));

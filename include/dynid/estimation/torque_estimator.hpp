@@ -110,8 +110,9 @@ class TorqueEstimator {
   /// start.
   void retune(const TorqueEstimatorOptions& options) {
     const Tuning next = tuning(limits_, options);
-    MomentumObserver<N>{next.gain};  // whose constructors know what is wrong
-    ContactDetector<N>{next.threshold, next.release};
+    // Their constructors know what is wrong.
+    [[maybe_unused]] const MomentumObserver<N> observer(next.gain);
+    [[maybe_unused]] const ContactDetector<N> detector(next.threshold, next.release);
     tunings_.publish(next);
   }
 

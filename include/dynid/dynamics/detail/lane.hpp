@@ -17,9 +17,9 @@ inline constexpr int lane_width = 2;
 
 /// `lane_width` doubles that fit one machine register; arithmetic is lane by lane.
 struct Lane {
-  typedef double Vector __attribute__((vector_size(lane_width * sizeof(double))));
-  typedef std::int64_t Bits __attribute__((vector_size(lane_width * sizeof(double))));
-  typedef Vector UnalignedVector __attribute__((aligned(8), may_alias));
+  using Vector [[gnu::vector_size(lane_width * sizeof(double))]] = double;
+  using Bits [[gnu::vector_size(lane_width * sizeof(double))]] = std::int64_t;
+  using UnalignedVector [[gnu::aligned(8), gnu::may_alias]] = Vector;
 
   Vector v;
 
