@@ -90,7 +90,7 @@ Pipeline::Words Pipeline::words(const std::string& command, const Words& rest) c
       words.push_back(name);
     }
   }
-  if (!summary_) words.push_back("--quiet");
+  if (!summary_) words.emplace_back("--quiet");
   words.insert(words.end(), rest.begin(), rest.end());
   return words;
 }

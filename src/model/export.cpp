@@ -371,7 +371,7 @@ ExportText to_franka_inertials(const Robot& robot) {
                 entry("yz", I(1, 2)) + entry("zz", I(2, 2));
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
   }
-  out.not_expressed.push_back("everything but the inertia of the moving links: frames, limits, friction");
+  out.not_expressed.emplace_back("everything but the inertia of the moving links: frames, limits, friction");
   list_effects_not_expressed(robot, {}, out.not_expressed);
   return out;
 }

@@ -50,7 +50,7 @@ void write_log(const std::string& path, const Log& log) {
   Eigen::Index column = 0;
   if (log.t.size() > 0) {
     if (log.t.size() != log.samples()) throw Error(path + ": column t has another length than the positions");
-    names.push_back("t");
+    names.emplace_back("t");
     values.col(column++) = log.t;
   }
   for (const auto& [prefix, group] : groups) {
