@@ -75,7 +75,7 @@ Eigen::VectorXd repaired(const Prepared& prepared, Eigen::VectorXd p) {
   if (!prepared.interior()) return p;
   const Eigen::VectorXd x = prepared.to_x(p), inside = prepared.to_x(*prepared.interior());
   for (double part = 1e-11; part < 1e-3; part *= 10.0) {
-    const Eigen::VectorXd mixed =
+    Eigen::VectorXd mixed =
         prepared.to_p(x + part * (inside - x)).cwiseMax(bounds.lower).cwiseMin(bounds.upper);
     if (prepared.smallest_margin(mixed) >= 0.0) return mixed;
   }

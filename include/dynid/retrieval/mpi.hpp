@@ -11,7 +11,7 @@ namespace dynid {
 class MpiRanks {
  public:
   MpiRanks();
-  ~MpiRanks();
+  ~MpiRanks();  // with MPI it does something; NOLINT(performance-trivially-destructible)
   MpiRanks(const MpiRanks&) = delete;
   MpiRanks& operator=(const MpiRanks&) = delete;
 
@@ -25,7 +25,7 @@ class MpiRanks {
  private:
   int rank_ = 0;
   int ranks_ = 1;
-  bool started_ = false;
+  [[maybe_unused]] bool started_ = false;  // not without MPI
 };
 
 }  // namespace dynid
