@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/plot.hpp"
 
-#include <stdlib.h>
+#include <stdlib.h>  // mkstemp, which is POSIX's; NOLINT(modernize-deprecated-headers)
 #include <unistd.h>
 
 #include <cstdio>

@@ -21,7 +21,7 @@ double condition_number(const TriangularFactor& factor) {
 
 void check_excitation(const TriangularFactor& factor, const std::vector<std::string>& names, double limit) {
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(factor.R(), Eigen::ComputeFullV);
-  const Eigen::VectorXd s = svd.singularValues();
+  const Eigen::VectorXd& s = svd.singularValues();
   const Eigen::Index p = s.size();
   if (s[p - 1] * limit > s[0]) return;
   std::vector<bool> involved(static_cast<std::size_t>(p), false);

@@ -20,8 +20,8 @@ namespace {
 /// A node and where it stands, for errors.
 class Entry {
  public:
-  Entry(YAML::Node node, std::string path, const std::string& file)
-      : node_(std::move(node)), path_(std::move(path)), file_(&file) {}
+  Entry(const YAML::Node& node, std::string path, const std::string& file)
+      : node_(node), path_(std::move(path)), file_(&file) {}
 
   [[noreturn]] void fail(const std::string& what) const {
     const YAML::Mark mark = node_.Mark();
