@@ -378,8 +378,7 @@ double ExciteObjective::clearance(Grid& grid, Eigen::Index sample) {
       const Eigen::Isometry3d& pose = poses_[static_cast<std::size_t>(k)];
       const Eigen::Vector3d axis = pose.linear() * joint.axis;
       const auto velocity = [&](const Eigen::Vector3d& point) -> Eigen::Vector3d {
-        if (joint.type == JointType::prismatic) return axis;
-        return axis.cross(point - pose.translation());
+        return joint.type == JointType::prismatic ? axis : axis.cross(point - pose.translation()).eval();
       };
       double rate = 0.0;  // of the distance by q_k
       if (k < pair.moving_b) rate += near.normal.dot(velocity(near.on_b));
