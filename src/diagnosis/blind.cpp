@@ -244,15 +244,6 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
 
 namespace {
 
-/// Whether plant and diagnosis mean the same by a parameter: not where the plant has another form (a ramp
-/// where the diagnosis has a window, heat made by friction where it has a clock), nor where base parameters
-/// leave it open.
-bool means_the_same(const std::string& effect, const std::string& key) {
-  if (key == "velocity_scale" || key == "inertia" || key == "link" || key == "exponent") return false;
-  if (effect == "thermal_friction_drift" || effect == "link_inertial_error") return false;
-  return effect != "external_contact" || key == "start";
-}
-
 /// A tilt by -a towards d is one by a towards d + 180: the truth in the words of the estimate.
 double turned_positive(const Effect& tilt, const std::string& key, double estimate) {
   const double angle = tilt.parameters.at("angle_deg")[0];
@@ -277,14 +268,15 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
     const auto found = e.parameters.find(p.key);
     if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
       continue;
-    if (!means_the_same(e.name, p.key)) continue;
+    if (p.key == "link") continue;  // a name, not a number
     for (Eigen::Index i = 0; i < p.value.size(); ++i) {
       double truth = found->second[static_cast<std::size_t>(i)];
       if (e.name == "gravity_tilt") truth = turned_positive(e, p.key, p.value[i]);
       const int joint = static_cast<int>(i) + 1;
       const bool per_joint = p.value.size() >= 4;
       if (truth == 0.0 || (per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint)))) continue;
-      out.push_back({p.value[i], p.low[i], p.high[i], truth});
+      out.push_back(
+          {p.key, p.value[i], p.low[i], p.high[i], truth, per_joint ? std::abs(p.value[i]) : p.value.norm()});
     }
   }
   return out;

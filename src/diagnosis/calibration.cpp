@@ -18,12 +18,21 @@ extern const char* const calibration_in_use;  // made by CMake from config/diagn
 namespace {
 
 constexpr double interval = 0.9;
-constexpr std::size_t least_cases = 30;
+constexpr std::size_t least_cases = 30, least_values = 5;
+constexpr double median_of_interval =
+    0.6745 / 1.6449;  // of a normal error, in half widths of its 90 % interval
 
 double quantile(std::vector<double> x, double part) {
   std::sort(x.begin(), x.end());
   return x[std::min(x.size() - 1, static_cast<std::size_t>(part * double(x.size())))];
 }
+
+/// One parameter's error, and half its interval before any factor.
+struct Error90 {
+  std::string parameter;  // "effect.parameter"
+  bool off;               // the nominal model is
+  double error, half, scale;
+};
 
 /// One case's first effect: was it right, and what the ranking and the rest of the gap say of it.
 struct Named {
@@ -49,6 +58,9 @@ const Calibration& calibration() {
     c.doubt_of_rest = node["doubt_of_rest"].as<double>();
     c.interval_factor = node["interval_factor"].as<double>();
     c.interval_factor_off = node["interval_factor_off"].as<double>();
+    c.form_error = node["form_error"].as<double>();
+    for (const auto& entry : node["form_errors"])
+      c.form_errors[entry.first.as<std::string>()] = entry.second.as<double>();
     return c;
   }();
   return inside;
@@ -57,7 +69,7 @@ const Calibration& calibration() {
 Calibration fit_calibration(const std::vector<BlindCase>& cases) {
   const Calibration& old = calibration();
   std::vector<Named> named;
-  std::vector<double> errors, errors_off;
+  std::vector<Error90> errors;
   for (const BlindCase& c : cases) {
     if (!c.failure.empty() || c.found.empty() || c.truth.empty()) continue;
     Named n;
@@ -71,10 +83,13 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
         n.behind.push_back(old.temperature * std::log(r->second / first->second));
     named.push_back(std::move(n));
     for (const ComparedInterval& i : compared_intervals(c)) {
+      const std::string& effect = c.found.front().effect.name;
+      const bool off = c.nominal_error > 0.0;
       const double half = i.truth > i.value ? i.high - i.value : i.value - i.low;
-      const double factor = c.nominal_error > 0.0 ? old.interval_factor_off : old.interval_factor;
-      (c.nominal_error > 0.0 ? errors_off : errors)
-          .push_back(factor * std::abs(i.truth - i.value) / std::max(half, 1e-12));
+      const double form = old.form_error_of(effect, i.parameter) * i.scale;
+      const double plain = std::sqrt(std::max(0.0, half * half - form * form));
+      errors.push_back({effect + "." + i.parameter, off, std::abs(i.truth - i.value),
+                        plain / (off ? old.interval_factor_off : old.interval_factor), i.scale});
     }
   }
   if (named.size() < least_cases)
@@ -99,8 +114,25 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       }
     }
   }
-  if (errors.size() >= least_cases) best.interval_factor = quantile(errors, interval);
-  if (errors_off.size() >= least_cases) best.interval_factor_off = quantile(errors_off, interval);
+  for (const bool off : {false, true}) {
+    std::vector<double> middle;
+    for (const Error90& e : errors)
+      if (e.off == off) middle.push_back(e.error / std::max(e.half, 1e-12));
+    if (middle.size() >= least_cases)
+      (off ? best.interval_factor_off : best.interval_factor) = quantile(middle, 0.5) / median_of_interval;
+  }
+  best.form_errors.clear();
+  std::map<std::string, std::vector<double>> form;
+  std::vector<double> all;
+  for (const Error90& e : errors) {
+    const double half = (e.off ? best.interval_factor_off : best.interval_factor) * e.half;
+    const double rest = std::sqrt(std::max(0.0, e.error * e.error - half * half)) / std::max(e.scale, 1e-12);
+    form[e.parameter].push_back(rest);
+    all.push_back(rest);
+  }
+  if (!all.empty()) best.form_error = quantile(all, interval);
+  for (const auto& [parameter, rest] : form)
+    if (rest.size() >= least_values) best.form_errors[parameter] = quantile(rest, interval);
   return best;
 }
 
@@ -113,7 +145,8 @@ std::string calibration_yaml(const Calibration& c, const std::string& command) {
       << "format: dynid-calibration-1\n"
       << "temperature: " << c.temperature << "\ndoubt: " << c.doubt << "\ndoubt_of_rest: " << c.doubt_of_rest
       << "\ninterval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
-      << "\n";
+      << "\nform_error: " << c.form_error << "\nform_errors:\n";
+  for (const auto& [parameter, error] : c.form_errors) out << "  " << parameter << ": " << error << "\n";
   return out.str();
 }
 

@@ -167,6 +167,17 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
   return shrink;
 }
 
+/// A contact does not come again: its window is fitted in every other block and judged in those between.
+Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
+                     unsigned seed) {
+  constexpr double seconds = 0.4;
+  const GapRows odd(rows, alternate(rows, true, seconds, 1)), even(rows, alternate(rows, false, seconds, 1));
+  GapModel part = model;
+  part.effects = carried(odd, model.effects);
+  part.fit = fit_of(odd, part.effects, model.kappa);
+  return shrink_of(even, even.y - contribution(even, part, part.fit.theta), floor, seed);
+}
+
 /// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
 struct Values {
   std::vector<std::string> keys, units;
@@ -217,9 +228,9 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (std::size_t k = 0; k < e.units.size(); ++k) {
     const UnitShape& u = e.units[k];
     const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
-    for (Eigen::Index s = 0; s < u.shape.size() && e.h->scope() != Scope::window; ++s) {
-      if (shape[static_cast<std::size_t>(s)].points < 3) continue;
-      const double step = 1e-3 * std::max(std::abs(u.shape[s]), 1e-3);
+    for (Eigen::Index s = 0; s < u.shape.size(); ++s) {
+      if (shape[static_cast<std::size_t>(s)].points < 3 && e.h->scope() != Scope::window) continue;
+      const double step = e.h->scope() == Scope::window ? 1e-3 : 1e-3 * std::max(std::abs(u.shape[s]), 1e-3);
       Eigen::VectorXd ahead = u.shape, behind = u.shape;
       ahead[s] += step;
       behind[s] -= step;
@@ -279,8 +290,13 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
     for (Eigen::Index i = 0; i < best.values[k].size(); ++i) {
       Eigen::VectorXd x = drawn[k].row(i).transpose();
       std::sort(x.data(), x.data() + x.size());
-      estimate.low[i] = std::min(estimate.value[i], x[draws / 20]);
-      estimate.high[i] = std::max(estimate.value[i], x[draws - 1 - draws / 20]);
+      const double value = estimate.value[i], below = std::max(0.0, value - x[draws / 20]),
+                   above = std::max(0.0, x[draws - 1 - draws / 20] - value);
+      // A joint's own value, or a vector: by its own size. Joints that have none of it stay at 0.
+      const double form = calibration().form_error_of(e.h->name(), best.keys[k]) *
+                          (best.values[k].size() >= 4 ? std::abs(value) : best.values[k].norm());
+      estimate.low[i] = value - std::hypot(below, form);
+      estimate.high[i] = value + std::hypot(above, form);
     }
     found.effect.parameters[best.keys[k]] =
         std::vector<double>(best.values[k].data(), best.values[k].data() + best.values[k].size());
@@ -399,7 +415,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     out.shrink.before = out.shrink.after = out.rms;
     out.shrink.floor = out.floor;
     out.series = {everything.log, everything.t, everything.y, everything.y, last};
-    for (const auto& h : hypotheses()) out.ranking.emplace_back(h->name(), 0.0);
+    for (const auto& h : hypotheses())
+      if (out.ranking.empty() || out.ranking.back().first != h->name())
+        out.ranking.emplace_back(h->name(), 0.0);
     out.next.text = "Record again: " + invalid.front().text + ".";
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     return out;
@@ -454,7 +472,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
         rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
     }
     if (energy(rest, rows.white_floor) > energy(held.y, rows.white_floor) + double(rows.joints()))
-      model = search.evaluate(std::move(once_only), model.kappa);
+      model = search.exchanged(search.evaluate(std::move(once_only), model.kappa));
   }
   const GapModel none = search.none(model.kappa);
   out.nominal_error = model.kappa;
@@ -471,9 +489,11 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.where = detail::locate(rows, rms(model.fit.residual).cwiseMax(rows.white_floor),
                              detail::surrogates(rows, rows.y, options.surrogates, options.seed));
 
-  // What no effect explains, against the white floor: coloured noise and the nominal's own errors have room.
+  // What no effect explains, against the white floor: coloured noise and the nominal's own errors, where it
+  // has any, have room.
   const Eigen::VectorXd scale = rms(rows.load).cwiseMax(0.05 * rms(rows.load).maxCoeff());
-  const Eigen::VectorXd allowed = 4.0 * rows.white_floor + options.tolerance * scale;
+  const Eigen::VectorXd allowed =
+      4.0 * rows.white_floor + (model.kappa > 0.0 ? options.tolerance : 0.0) * scale;
   const auto left_over = [&](const Eigen::MatrixXd& residual) {
     return (rms(residual).array() > allowed.array()).any();
   };
@@ -482,6 +502,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   };
   const bool windowed = has_window(model);
   out.explained = model.effects.empty() ? 0.0 : explained(rows, model.fit.residual);
+  if (windowed) out.shrink = shrink_within(rows, model, noise, options.seed);
   const bool once =
       std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); });
   if (!model.effects.empty() && !once) {
@@ -490,13 +511,15 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     out.explained =
         std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
   }
+  if (windowed && model.effects.size() == 1)  // a window of anything may be fitted: it has to hold between
+    out.explained = std::min(out.explained, std::max(0.0, out.shrink.fraction));
   if (model.effects.empty()) {
     if (left_over(model.fit.residual))
       out.verdict = Verdict::unexplained;
     else
       out.verdict = out.p_value <= detection ? Verdict::not_detected : Verdict::no_gap;
   } else if (out.explained < least_explained) {
-    out.verdict = left_over(model.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
+    out.verdict = left_over(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
   } else {
     out.verdict = left_over(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
                                                                                    : Verdict::explained;
@@ -555,16 +578,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   std::stable_sort(out.ranking.begin(), out.ranking.end(),
                    [](const auto& a, const auto& b) { return a.second > b.second; });
 
-  // How far it shrinks where nothing was chosen or fitted. A contact does not come again: its window is
-  // fitted in every other block and judged in those between.
+  // How far it shrinks where nothing was chosen or fitted.
   say("shrink", 0.95);
-  if (windowed) {
-    const GapRows odd(rows, alternate(rows, true, 0.4, 1)), even(rows, alternate(rows, false, 0.4, 1));
-    GapModel part = model;
-    part.effects = carried(odd, model.effects);
-    part.fit = fit_of(odd, part.effects, model.kappa);
-    out.shrink = shrink_of(even, even.y - contribution(even, part, part.fit.theta), noise, options.seed);
-  } else {
+  if (!windowed) {
     const Eigen::MatrixXd rest =
         adopt ? Eigen::MatrixXd(held.y - contribution(held, model, model.fit.theta)) : held.y;
     out.shrink = shrink_of(held, rest, noise, options.seed);
@@ -589,7 +605,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
 Robot patched(const Robot& nominal, const std::vector<FoundEffect>& effects) {
   Robot robot = nominal;
   for (const FoundEffect& found : effects) {
-    const Hypothesis* h = find_hypothesis(found.effect.name);
+    const Hypothesis* h = find_hypothesis(found.effect);
     if (h == nullptr) throw Error("effect '" + found.effect.name + "': unknown");
     if (!h->enter(robot, found.effect)) robot.effects.push_back(found.effect);
   }

@@ -2,6 +2,7 @@
 #include "fit.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 namespace dynid::detail {
@@ -13,6 +14,8 @@ constexpr int iterations = 3;  // of noise and coefficients
 // half the evidence is the likelihood of innovations, half that of the residual itself, with room for
 // coloured noise of this many times the white floor.
 constexpr double own_size = 0.5, room = 3.0;
+// Stamps later than this many times the usual are no longer a matter of the data: they are a gap.
+constexpr double latest = 2.0;
 
 /// Yule-Walker: biased autocovariances over the parts, hence always stable.
 ChannelNoise estimate(const GapRows& rows, const Eigen::VectorXd& e) {
@@ -84,7 +87,7 @@ void finish(const GapRows& rows, int joint, const Normal& normal, double log_det
   Eigen::VectorXd x(theta.size() + 1);
   x << -theta, 1.0;
   const Eigen::VectorXd delta = normal.back * x;
-  residual = left - delta[delta.size() - 1] * rows.timing.col(joint);
+  residual = left - std::clamp(delta[delta.size() - 1], -latest, latest) * rows.timing.col(joint);
   if (kappa > 0.0)
     residual.noalias() -=
         rows.nuisance[static_cast<std::size_t>(joint)] * (kappa * delta.head(delta.size() - 1));

@@ -47,7 +47,7 @@ Robot for_simulation(const Robot& robot) {
       out.effects.push_back(given);
       continue;
     }
-    const Hypothesis* const h = find_hypothesis(given.name);
+    const Hypothesis* const h = find_hypothesis(given);
     if (h == nullptr) throw Error("effect '" + given.name + "': cannot be simulated");
     for (const int unit : detail::units_of(*h, robot, given)) {  // names what is missing
       Eigen::VectorXd c, shape;
@@ -70,6 +70,7 @@ Robot for_simulation(const Robot& robot) {
       effect.parameters.erase("slip");
     } else if (effect.name == "backlash") {
       effect.parameters.erase("contact_torque");  // the smoothing of what is a plain dead zone there
+      effect.parameters["gap"].assign(n, 0.0);
     } else if (effect.name == "external_contact") {
       for (const double moment : effect.parameters["moment"])
         if (std::abs(moment) > 1e-3)

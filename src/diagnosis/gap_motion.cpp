@@ -6,6 +6,7 @@
 #include "dynid/dynamics/regressor.hpp"
 #include "dynid/dynamics/workspace.hpp"
 #include "dynid/friction/friction.hpp"
+#include "dynid/signal/filter.hpp"
 
 namespace dynid {
 
@@ -66,6 +67,28 @@ Eigen::MatrixXd GapMotion::along(const Eigen::MatrixXd& d_q, const Eigen::Matrix
   }
   return out;
 }
+
+const GapMotion::Slopes& GapMotion::slopes(int joint) const {
+  if (slopes_.empty()) {
+    const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
+    for (int j = 0; j < robot_.size(); ++j) {
+      Eigen::MatrixXd unit = none;
+      unit.col(j).setOnes();
+      slopes_.push_back({along(unit, none, none), along(none, unit, none), along(none, none, unit)});
+    }
+  }
+  return slopes_[static_cast<std::size_t>(joint)];
+}
+
+Eigen::MatrixXd GapMotion::shifted(int joint, const Eigen::VectorXd& d) const {
+  const Slopes& slope = slopes(joint);
+  const Eigen::VectorXd speed_of_d = differentiate(d, rate);
+  const Eigen::VectorXd acceleration_of_d = differentiate(speed_of_d, rate);
+  return d.asDiagonal() * slope[0] + speed_of_d.asDiagonal() * slope[1] +
+         acceleration_of_d.asDiagonal() * slope[2];
+}
+
+Eigen::VectorXd GapMotion::inertia(int joint) const { return slopes(joint)[2].col(joint); }
 
 Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const {
   const Model<> turned = model_.with_gravity(gravity), none = model_.with_gravity(Eigen::Vector3d::Zero());

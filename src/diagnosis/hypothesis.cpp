@@ -35,10 +35,16 @@ const Hypothesis* find_hypothesis(const std::string& name) {
   return nullptr;
 }
 
+const Hypothesis* find_hypothesis(const Effect& effect) {
+  for (const auto& h : hypotheses())
+    if (h->name() == effect.name && effect.parameters.count(h->form()) > 0) return h.get();
+  return find_hypothesis(effect.name);
+}
+
 Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion) {
   Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(motion.samples(), robot.size());
   for (const Effect& effect : robot.effects) {
-    const Hypothesis* h = find_hypothesis(effect.name);
+    const Hypothesis* h = find_hypothesis(effect);
     if (h == nullptr) throw Error("effect '" + effect.name + "': unknown");
     for (const int unit : detail::units_of(*h, robot, effect)) {
       Eigen::VectorXd c, shape;

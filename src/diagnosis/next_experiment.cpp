@@ -135,7 +135,7 @@ std::vector<Eigen::VectorXd> shapes(const Hypothesis& h) {
 /// D of effect i, as it was found, against j at its best: how much of i's torque j cannot make.
 double distinguishability(const Robot& robot, const Effect& i, const Hypothesis& j, const GapMotion& motion,
                           const Eigen::VectorXd& floor, double rows_per_sample) {
-  const Hypothesis* h = find_hypothesis(i.name);
+  const Hypothesis* h = find_hypothesis(i);
   Eigen::VectorXd torque = Eigen::VectorXd::Zero(motion.samples() * robot.size());
   for (const int unit : units_of(*h, robot, i)) {
     Eigen::VectorXd c, shape;
@@ -226,7 +226,7 @@ NextExperiment next_experiment(const Robot& nominal, const Diagnosis& diagnosis)
   };
   std::vector<Pair> pairs;
   for (const FoundEffect& e : diagnosis.effects) {
-    const Hypothesis* own = find_hypothesis(e.effect.name);
+    const Hypothesis* own = find_hypothesis(e.effect);
     if (own == nullptr || own->scope() == Scope::window) continue;
     for (const std::string& alias : e.aliases) {
       const Hypothesis* j = find_hypothesis(alias);

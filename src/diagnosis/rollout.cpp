@@ -113,7 +113,7 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
   if (other_log)
     here.erase(std::remove_if(here.begin(), here.end(),
                               [](const FoundEffect& e) {
-                                const Hypothesis* h = find_hypothesis(e.effect.name);
+                                const Hypothesis* h = find_hypothesis(e.effect);
                                 return h != nullptr && h->scope() == Scope::window;
                               }),
                here.end());

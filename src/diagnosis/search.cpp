@@ -40,6 +40,16 @@ bool own_channel(const Hypothesis& h, const RowBlock& block) {
   return h.scope() == Scope::joint && block.channels.size() == 1;
 }
 
+/// What is usual besides start and duration, for a start.
+Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  Eigen::VectorXd shape(static_cast<Eigen::Index>(parameters.size()));
+  shape.head<2>() << from, to - from;
+  for (std::size_t s = 2; s < parameters.size(); ++s)
+    shape[static_cast<Eigen::Index>(s)] = std::sqrt(parameters[s].low * parameters[s].high);
+  return shape;
+}
+
 std::vector<Term> terms_of(const std::vector<Adopted>& effects) {
   std::vector<Term> terms;
   for (const Adopted& e : effects)
@@ -72,7 +82,7 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
   for (std::size_t k = 0; k < library_.size(); ++k) {
     const Hypothesis& h = *library_[k];
     std::vector<Eigen::VectorXd> points = grid_of(h.shape());
-    if (h.scope() == Scope::window) points = {Eigen::Vector2d(-1e9, 2e9)};
+    if (h.scope() == Scope::window) points = {window_shape(h, -1e9, 1e9)};
     grids_[k].resize(static_cast<std::size_t>(h.units(rows.motions().front().robot())));
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
       for (const Eigen::VectorXd& p : points) {
@@ -82,7 +92,10 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
     }
   }
   // What a motion computes once for all is computed before it is shared.
-  for (const GapMotion& motion : rows.motions()) motion.wrench_columns(0, 0);
+  for (const GapMotion& motion : rows.motions()) {
+    motion.wrench_columns(0, 0);
+    motion.inertia(0);
+  }
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
     GridPoint& point = grids_[jobs[k].h][static_cast<std::size_t>(jobs[k].unit)][jobs[k].point];
     point.block = std::make_shared<RowBlock>(rows_.block(*library_[jobs[k].h], jobs[k].unit, point.shape));
@@ -170,6 +183,37 @@ double Search::coupled_gain(const Hypothesis& h, const RowBlock& block, const Ba
   return fit_terms(rows_, rows_.y, terms, base.model.kappa, base.by).total - base.model.fit.total;
 }
 
+double Search::improve(const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low, double high,
+                       bool logarithmic, double best, const Gain& gain) const {
+  const auto to = [&](double x) { return logarithmic ? std::log(x) : x; };
+  const Eigen::VectorXd shape = unit.shape;
+  const auto value = [&](double x, UnitShape& out) {
+    Eigen::VectorXd at = shape;
+    at[s] = logarithmic ? std::exp(x) : x;
+    out = made(h, unit.unit, at);
+    return gain(*out.block);
+  };
+  low = to(low), high = to(high);
+  const double g = 0.6180339887498949;  // golden section
+  double a = high - g * (high - low), b = low + g * (high - low);
+  UnitShape at_a, at_b;
+  double fa = value(a, at_a), fb = value(b, at_b);
+  for (int k = 0; k < 10; ++k) {
+    if (fa > fb) {
+      high = b, b = a, fb = fa, at_b = at_a;
+      a = high - g * (high - low);
+      fa = value(a, at_a);
+    } else {
+      low = a, a = b, fa = fb, at_a = at_b;
+      b = low + g * (high - low);
+      fb = value(b, at_b);
+    }
+  }
+  if (fa > best) best = fa, unit = at_a;
+  if (fb > best) best = fb, unit = at_b;
+  return best;
+}
+
 UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const Gain& gain) const {
   const std::vector<ShapeParameter> shape = h.shape();
   if (shape.empty() || h.scope() == Scope::window) return unit;
@@ -178,49 +222,29 @@ UnitShape Search::refined(const Hypothesis& h, UnitShape unit, const Gain& gain)
     for (Eigen::Index s = 0; s < unit.shape.size(); ++s) {
       const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
       if (p.points < 3) continue;
-      const bool log = p.logarithmic;
-      const auto to = [log](double x) { return log ? std::log(x) : x; };
-      const double step = (to(p.high) - to(p.low)) / (p.points - 1);
-      double low = std::max(to(p.low), to(unit.shape[s]) - step),
-             high = std::min(to(p.high), to(unit.shape[s]) + step);
-      const auto value = [&](double x, UnitShape& out) {
-        Eigen::VectorXd at = unit.shape;
-        at[s] = log ? std::exp(x) : x;
-        out = made(h, unit.unit, at);
-        return gain(*out.block);
-      };
-      // Golden section.
-      const double g = 0.6180339887498949;
-      double a = high - g * (high - low), b = low + g * (high - low);
-      UnitShape at_a, at_b;
-      double fa = value(a, at_a), fb = value(b, at_b);
-      for (int k = 0; k < 10; ++k) {
-        if (fa > fb) {
-          high = b, b = a, fb = fa, at_b = at_a;
-          a = high - g * (high - low);
-          fa = value(a, at_a);
-        } else {
-          low = a, a = b, fa = fb, at_a = at_b;
-          b = low + g * (high - low);
-          fb = value(b, at_b);
-        }
+      const double x = unit.shape[s];
+      if (p.logarithmic) {
+        const double step = std::pow(p.high / p.low, 1.0 / (p.points - 1));
+        best = improve(h, unit, s, std::max(p.low, x / step), std::min(p.high, x * step), true, best, gain);
+      } else {
+        const double step = (p.high - p.low) / (p.points - 1);
+        best = improve(h, unit, s, std::max(p.low, x - step), std::min(p.high, x + step), false, best, gain);
       }
-      if (fa > best) best = fa, unit = at_a;
-      if (fb > best) best = fb, unit = at_b;
     }
   }
   return unit;
 }
 
 UnitShape Search::best_shape(const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
-                             const Gain& gain) const {
+                             const Gain& gain, double worth) const {
   double best = -std::numeric_limits<double>::infinity();
   const GridPoint* point = &points.front();
   for (const GridPoint& p : points) {
     const double here = points.size() > 1 ? gain(*p.block) : 0.0;
     if (here > best) best = here, point = &p;
   }
-  return refined(h, {unit, point->shape, point->block}, gain);
+  const UnitShape unit_shape{unit, point->shape, point->block};
+  return points.size() > 1 && best < worth ? unit_shape : refined(h, unit_shape, gain);
 }
 
 Adopted Search::propose_own(const Hypothesis& h, const Grid& grid, const Base& base) const {
@@ -250,17 +274,26 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
   std::vector<UnitShape> best(grid.size());
   std::vector<double> gains(grid.size());
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
-    double most = -std::numeric_limits<double>::infinity();
-    for (const GridPoint& p : grid[u]) {
-      const double here = gain(*p.block);
-      if (here > most) most = here, best[u] = {static_cast<int>(u), p.shape, p.block};
-    }
-    gains[u] = most - price(h, best[u]);
+    // What a joint does to itself chooses the shape: what it does to the others costs much to compute and
+    // adds little.
+    if (h.scope() == Scope::joint && grid[u].size() > 1)
+      best[u] = best_shape(
+          h, static_cast<int>(u), grid[u],
+          [&](const RowBlock& block) {
+            return own_gain(h, {{static_cast<int>(u)}, {*block.find(static_cast<int>(u))}}, base.channels[u],
+                            model.kappa);
+          },
+          0.0);
+    else
+      best[u] = best_shape(h, static_cast<int>(u), grid[u], gain);
+    const bool possible = !h.shape_only() || h.plausible(rows_.motions().front().robot(), static_cast<int>(u),
+                                                         Eigen::VectorXd::Ones(1), best[u].shape);
+    gains[u] = possible ? gain(*best[u].block) - price(h, best[u]) : -std::numeric_limits<double>::infinity();
   });
   const auto first = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-  best[first] = refined(h, best[first], gain);
+  if (!std::isfinite(gains[first])) return effect;
   effect.units = {best[first]};
-  effect.gain = gain(*best[first].block) - price(h, best[first]);
+  effect.gain = gains[first];
   if (h.scope() == Scope::joint) {
     std::vector<bool> used(grid.size(), false);
     used[first] = true;
@@ -277,7 +310,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
       double most = effect.gain + joint_gain;
       std::size_t next = grid.size();
       for (std::size_t u = 0; u < grid.size(); ++u) {
-        if (used[u]) continue;
+        if (used[u] || !std::isfinite(gains[u])) continue;
         std::vector<UnitShape> more = effect.units;
         more.push_back(best[u]);
         const double value = total(more);
@@ -436,7 +469,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
   if (link < 0) return effect;
   // The ends, row by row, by what the full fit says.
   const auto window = [&](Eigen::Index a, Eigen::Index b) {
-    return made(h, link, Eigen::Vector2d(rows_.t[a], rows_.t[b] - rows_.t[a]));
+    return made(h, link, window_shape(h, rows_.t[a], rows_.t[b]));
   };
   UnitShape best = window(from, to);
   double gain = coupled_gain(h, *best.block, beginning);
@@ -459,6 +492,20 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
     }
   }
   effect.units = {best};
+  if (gain - cost(effect) > 0.0) {  // and between the rows
+    const double row = (rows_.t[to] - rows_.t[from]) / double(to - from);
+    const std::vector<ShapeParameter> shape = h.shape();
+    for (int pass = 0; pass < 2; ++pass) {
+      for (Eigen::Index s = 0; s < best.shape.size(); ++s) {
+        const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
+        const bool edge = s < 2;
+        const auto value = [&](const RowBlock& block) { return coupled_gain(h, block, beginning); };
+        gain = improve(h, best, s, edge ? best.shape[s] - row : p.low, edge ? best.shape[s] + row : p.high,
+                       p.logarithmic, gain, value);
+      }
+    }
+    effect.units = {best};
+  }
   effect.gain = gain - cost(effect);
   return effect;
 }
@@ -474,7 +521,8 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
   const Base beginning = base_of(base);
   tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
     for (const Adopted& e : base.effects)
-      if (e.h == library_[k]) return;  // once each: another joint of it is a matter of the first choice
+      if (e.h->name() == library_[k]->name())
+        return;  // once each: another joint of it is a matter of the first choice
     proposed[k] = propose(*library_[k], grids_[k], beginning);
   });
   std::vector<Adopted> useful;
@@ -563,6 +611,20 @@ std::vector<VisibleSize> Search::smallest_visible(const GapModel& none) const {
   return out;
 }
 
+GapModel Search::exchanged(GapModel model) const {
+  for (bool better = true; better;) {
+    better = false;
+    for (std::size_t k = 0; k < model.effects.size() && !better; ++k) {
+      std::vector<Adopted> others = model.effects;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+      const std::vector<GapModel> again = alternatives(evaluate(std::move(others), model.kappa), 4);
+      better = !again.empty() && again[0].score > model.score + 1e-3;
+      if (better) model = again[0];
+    }
+  }
+  return model;
+}
+
 GapModel Search::best(double kappa, int most) const {
   GapModel model = none(kappa);
   while (static_cast<int>(model.effects.size()) < most) {
@@ -595,7 +657,7 @@ GapModel Search::best(double kappa, int most) const {
     const GapModel without = evaluate(others, kappa);
     if (without.score > model.score - 0.5 * effect_gain) model = without;
   }
-  return model;
+  return exchanged(model);
 }
 
 }  // namespace dynid::detail

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -44,6 +45,8 @@ class Search {
   /// The best set of up to `most` effects, by forward steps with joint refits, exchanges and a backward
   /// check, for a nominal model whose parameters are off by `kappa`, relatively.
   GapModel best(double kappa, int most) const;
+  /// The set with one effect after another in exchange for a better one, until none is better.
+  GapModel exchanged(GapModel model) const;
   /// The gap with no effect.
   GapModel none(double kappa) const { return evaluate({}, kappa); }
   /// A set refitted.
@@ -92,10 +95,14 @@ class Search {
   Adopted propose_own(const Hypothesis& h, const Grid& grid, const Base& base) const;
   Adopted propose_coupled(const Hypothesis& h, const Grid& grid, const Base& base) const;
   Adopted propose_window(const Hypothesis& h, const Grid& grid, const Base& base) const;
-  /// The best point of the grid by `gain`, refined.
-  UnitShape best_shape(const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
-                       const Gain& gain) const;
+  /// The best point of the grid by `gain`, refined where it gains `worth`.
+  UnitShape best_shape(const Hypothesis& h, int unit, const std::vector<GridPoint>& points, const Gain& gain,
+                       double worth = -std::numeric_limits<double>::infinity()) const;
   UnitShape refined(const Hypothesis& h, UnitShape unit, const Gain& gain) const;
+  /// Shape parameter `s` of a unit between low and high, kept where it gains more than `best`: returns the
+  /// gain.
+  double improve(const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low, double high,
+                 bool logarithmic, double best, const Gain& gain) const;
   double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
   double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;
   /// Which joint has which of the model's own effects, each joint decided by itself: an effect that came

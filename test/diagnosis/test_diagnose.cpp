@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 
 #include "dynid/diagnosis/blind.hpp"
 #include "dynid/diagnosis/calibration.hpp"
@@ -57,7 +58,9 @@ double value(const FoundEffect& found, const std::string& key, int index = 0) {
 // Law: what parameters() says of coefficients and shape, restore() takes back, for every effect.
 TEST(Hypotheses, ParametersSayEverything) {
   const Robot robot = panda();
-  ASSERT_EQ(hypotheses().size(), 22U);
+  std::set<std::string> names;
+  for (const auto& h : hypotheses()) names.insert(h->name());
+  ASSERT_EQ(names.size(), 22U);
   for (const auto& h : hypotheses()) {
     SCOPED_TRACE(h->name());
     const int unit = h->scope() == Scope::arm ? 0 : 3;
@@ -161,6 +164,10 @@ TEST(Diagnose, ContactIsFoundInItsWindow) {
   EXPECT_EQ(d.effects[0].effect.name, "external_contact");
   EXPECT_NEAR(value(d.effects[0], "start"), 4.0, 0.2);
   EXPECT_NEAR(value(d.effects[0], "start") + value(d.effects[0], "duration"), 5.2, 0.2);
+  for (const Estimate& e : d.effects[0].parameters)
+    if (e.key != "link") {
+      EXPECT_LT(e.low[0], e.high[0]) << e.key;
+    }
 }
 
 TEST(Diagnose, NoGapHasNoEffect) {
@@ -179,6 +186,27 @@ TEST(Diagnose, WhatIsNotInTheLibraryIsUnexplained) {
   const Diagnosis d = diagnose(robot, logs);
   EXPECT_EQ(d.verdict, Verdict::unexplained);
   EXPECT_TRUE(d.effects.empty());
+}
+
+// A late torque is no matter of the stamps where it is later than those usually are.
+TEST(Diagnose, ADelayTakenOutOfTheLibraryIsUnexplained) {
+  const Robot robot = panda();
+  DiagnoseOptions options;
+  options.withhold = {"time_delay"};
+  const Diagnosis d = diagnose(robot, recorded(robot, {"time_delay:delay_s=0.02"}, 12), options);
+  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_TRUE(d.effects.empty());
+}
+
+// A link that crosses its gap on a path of its own, with a blow at its end: followed, not smoothed over.
+TEST(Diagnose, BacklashWithBlowsIsNamed) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot, {"backlash:joints=5,gap=0.02"}, 31));
+  ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict) << ", explained " << d.explained;
+  EXPECT_EQ(d.effects[0].effect.name, "backlash");
+  EXPECT_EQ(d.effects[0].effect.joints, std::vector<int>{5});
+  EXPECT_NEAR(value(d.effects[0], "gap", 4), 0.02, 0.004);
+  EXPECT_GT(d.shrink.fraction, 0.7);
 }
 
 // Law: the same motion in mirrored time has the same even effects.
@@ -438,6 +466,37 @@ TEST(Calibration, FindsTheTemperature) {
   EXPECT_NEAR(std::log2(fit_calibration(cases).temperature / twice), 0.0, 0.8);
   cases.resize(10);
   EXPECT_THROW(fit_calibration(cases), Error);
+}
+
+// Law: errors that come with the effect's form, whatever the noise, widen that parameter's interval alone, to
+// hold nine in ten of them.
+TEST(Calibration, FindsErrorsOfTheForm) {
+  std::mt19937_64 random(12);
+  std::normal_distribution<double> normal;
+  std::vector<BlindCase> cases;
+  for (int k = 0; k < 400; ++k) {
+    const double exact = 1.0, off = 2.0;  // true values
+    BlindCase c;
+    c.truth = {{"a", {1}, {{"exact", {exact}}, {"off", {off}}}}};
+    FoundEffect found;
+    found.effect = {"a", {1}, {}};
+    const auto estimate = [&](const char* key, double value) {
+      Estimate e{key, "1", Eigen::VectorXd::Constant(1, value), {}, {}};
+      const double half = 1.6449 * 0.01 * calibration().interval_factor;
+      e.low = e.value.array() - half;
+      e.high = e.value.array() + half;
+      found.parameters.push_back(e);
+    };
+    estimate("exact", exact + 0.01 * normal(random));
+    estimate("off", off * (1.0 + 0.2 * normal(random)));
+    c.found = {found};
+    c.explained = 1.0;
+    c.ranking = {{"a", 0.9}, {"b", 0.1}};
+    cases.push_back(c);
+  }
+  const Calibration fitted = fit_calibration(cases);
+  EXPECT_LT(fitted.form_error_of("a", "exact"), 0.02);
+  EXPECT_NEAR(fitted.form_error_of("a", "off"), 1.6449 * 0.2, 0.08);
 }
 
 TEST(Diagnose, BadInputIsNamed) {

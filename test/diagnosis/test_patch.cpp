@@ -112,12 +112,30 @@ TEST(Patch, SlipElementsBecomeBristlesOfTheSameStiffness) {
   for (const Effect& e : ready.effects) EXPECT_NO_THROW(complete_effect(e, ready));
 }
 
-TEST(Patch, WhatCannotBeSimulatedIsRefusedByName) {
+// Either form of a backlash is the simulation's backlash again; a dead zone takes there what it takes here, a
+// gap's blows are too sharp to be compared instant by instant.
+TEST(Patch, BothFormsOfBacklashAreSimulated) {
   Robot robot = panda();
   robot.effects.push_back(
-      {"external_contact",
-       {1, 2, 3, 4, 5},
-       {{"link", {5}}, {"force", {1, 0, 0}}, {"moment", {0, 2, 0}}, {"start", {1}}, {"duration", {1}}}});
+      {"backlash",
+       {4},
+       {{"dead_zone", {0, 0, 0, 0.9, 0, 0, 0}}, {"contact_torque", {0, 0, 0, 0.1, 0, 0, 0}}}});
+  const Log dead_zone = logged(for_simulation(robot), {}, 14);
+  EXPECT_LT(rms_error(robot, dead_zone), 0.2 * rms_error(panda(), dead_zone));
+  robot.effects[0].parameters = {{"gap", {0, 0, 0, 0.02, 0, 0, 0}}, {"stiffness", {0, 0, 0, 15000, 0, 0, 0}}};
+  EXPECT_EQ(for_simulation(robot).effects[0].parameters.at("gap")[3], 0.02);
+}
+
+TEST(Patch, WhatCannotBeSimulatedIsRefusedByName) {
+  Robot robot = panda();
+  robot.effects.push_back({"external_contact",
+                           {1, 2, 3, 4, 5},
+                           {{"link", {5}},
+                            {"force", {1, 0, 0}},
+                            {"moment", {0, 2, 0}},
+                            {"start", {1}},
+                            {"duration", {1}},
+                            {"rise_time", {0.02}}}});
   try {
     for_simulation(robot);
     FAIL();

@@ -46,7 +46,9 @@ struct BlindCase {
 
 /// A 90 % interval beside the truth.
 struct ComparedInterval {
+  std::string parameter;
   double value, low, high, truth;
+  double scale;  ///< of the value: a joint's own, or the length of a vector
 };
 /// Those of the first effect's parameters, where it is the one that was put in, and its joints are right.
 std::vector<ComparedInterval> compared_intervals(const BlindCase& c);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -17,14 +18,23 @@ struct Calibration {
   double doubt_of_rest = 0.5;        ///< and further, per part of the gap's energy that stays unexplained
   double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
   double interval_factor_off = 1.0;  ///< and where it is off
+  /// Of "effect.parameter": how far the truth may be off, at 90 %, for having another form than the effect's,
+  /// relative to the value (of a vector: to its length). What is not listed has `form_error`.
+  std::map<std::string, double> form_errors;
+  double form_error = 0.0;
+
+  double form_error_of(const std::string& effect, const std::string& parameter) const {
+    const auto found = form_errors.find(effect + "." + parameter);
+    return found != form_errors.end() ? found->second : form_error;
+  }
 };
 
 /// The one in use.
 const Calibration& calibration();
 
 /// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
-/// the 90 % quantile of the errors (interval factors). Throws Error on fewer than 30 cases with an effect
-/// named.
+/// the middle of the errors (interval factors) and their 90 % quantile (form errors). Throws Error on fewer
+/// than 30 cases with an effect named.
 Calibration fit_calibration(const std::vector<BlindCase>& cases);
 /// Text of a calibration file; `command` is the one that made it.
 std::string calibration_yaml(const Calibration& calibration, const std::string& command);

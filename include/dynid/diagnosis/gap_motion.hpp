@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "dynid/dynamics/model.hpp"
@@ -34,6 +35,11 @@ class GapMotion {
   /// ddq): N x n [N m].
   Eigen::MatrixXd along(const Eigen::MatrixXd& d_q, const Eigen::MatrixXd& d_dq,
                         const Eigen::MatrixXd& d_ddq) const;
+  /// The same along one joint's own change `d` (N) [rad] over time, and its derivatives: N x n [N m]. The
+  /// first call for any joint makes what all share: not from two threads at once.
+  Eigen::MatrixXd shifted(int joint, const Eigen::VectorXd& d) const;
+  /// M_jj along the motion: N [kg m^2]. As shifted().
+  Eigen::VectorXd inertia(int joint) const;
   /// What a gravity vector [m/s^2], in the base frame, adds to the rigid body's torque: N x n [N m].
   Eigen::MatrixXd gravity_columns(const Eigen::Vector3d& gravity) const;
   /// J^T of the origin of link `link` (from 0), for a force and a moment in the axes of the base frame: rows
@@ -45,6 +51,9 @@ class GapMotion {
   Model<> model_;
   std::vector<Eigen::MatrixXd> regressor_;                    // joint by joint, N x 10 n
   mutable std::vector<std::vector<Eigen::MatrixXd>> wrench_;  // link, joint
+  using Slopes = std::array<Eigen::MatrixXd, 3>;              // d tau / d (q_j, dq_j, ddq_j), N x n each
+  mutable std::vector<Slopes> slopes_;                        // of each joint
+  const Slopes& slopes(int joint) const;
 };
 
 /// Columns that one effect has in some of the joints' torques.

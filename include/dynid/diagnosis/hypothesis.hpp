@@ -17,7 +17,8 @@ enum class Scope {
   link,    ///< unit k: link k + 1; one link at a time
   pair,    ///< unit k: joints k + 1 and k + 2
   arm,     ///< one unit: the whole arm
-  window,  ///< unit k: link k + 1, in a window of time that is searched for
+  window,  ///< unit k: link k + 1, in a window of time that is searched for: its first two shape parameters
+           ///< are start and duration [s]
 };
 
 /// A parameter that the torque depends on in another way than linearly: it is searched for in a grid, then
@@ -43,6 +44,9 @@ class Hypothesis {
   virtual ~Hypothesis() = default;
 
   virtual std::string name() const = 0;
+  /// An effect may have several forms, each a hypothesis of the same name: the parameter that only this form
+  /// has. Empty where there is one form.
+  virtual std::string form() const { return {}; }
   virtual Scope scope() const { return Scope::joint; }
   virtual std::vector<ShapeParameter> shape() const { return {}; }
   /// The coefficients are all 1: the shape parameters say everything.
@@ -77,10 +81,13 @@ class Hypothesis {
   std::vector<int> joints(const Robot& robot, int unit) const;
 };
 
-/// Every effect, in the order of their names. The list is made from the files of src/diagnosis/effects/.
+/// Every form of every effect, in the order of their names. The list is made from the files of
+/// src/diagnosis/effects/.
 const std::vector<std::unique_ptr<Hypothesis>>& hypotheses();
-/// The one of that name, or null.
+/// The first of that name, or null.
 const Hypothesis* find_hypothesis(const std::string& name);
+/// The form that the effect's parameters are of, or null where no effect has its name.
+const Hypothesis* find_hypothesis(const Effect& effect);
 
 /// The torques that the robot's effects add along a motion: N x n [N m]. Throws Error on an effect that is
 /// not of the catalogue or lacks a parameter.

@@ -47,17 +47,6 @@ std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect&
   return units;
 }
 
-Eigen::MatrixXd shifted_joint(const GapMotion& motion, int joint, const Eigen::VectorXd& d) {
-  Eigen::MatrixXd shift[3];
-  const Eigen::MatrixXd rate = differentiate(d, motion.rate);
-  const Eigen::MatrixXd second = differentiate(rate, motion.rate);
-  for (int k = 0; k < 3; ++k) {
-    shift[k] = Eigen::MatrixXd::Zero(motion.samples(), motion.joints());
-    shift[k].col(joint) = k == 0 ? d : Eigen::VectorXd(k == 1 ? rate.col(0) : second.col(0));
-  }
-  return motion.along(shift[0], shift[1], shift[2]);
-}
-
 ColumnBlock all_channels(const std::vector<Eigen::MatrixXd>& columns) {
   ColumnBlock block;
   const auto size = static_cast<Eigen::Index>(columns.size());

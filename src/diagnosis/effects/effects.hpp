@@ -16,8 +16,6 @@ Eigen::VectorXd arm_value(const Effect& effect, const std::string& key, int size
 /// The units that an effect of a model file stands for.
 std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect& effect);
 
-/// What joint j (from 0) adds when it stands `d` (N) [rad] further than measured, per unit: N x n.
-Eigen::MatrixXd shifted_joint(const GapMotion& motion, int joint, const Eigen::VectorXd& d);
 ColumnBlock all_channels(const std::vector<Eigen::MatrixXd>& columns);  ///< N x n each: one a coefficient
 
 /// An effect that a joint has of its own, in its own torque, with parameters that are its coefficients times

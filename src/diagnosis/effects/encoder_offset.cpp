@@ -13,7 +13,7 @@ class EncoderOffset : public OwnTorque {
  public:
   EncoderOffset() : OwnTorque("encoder_offset", {{"offset", "rad"}}) {}
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
-    return all_channels({shifted_joint(motion, unit, Eigen::VectorXd::Ones(motion.samples()))});
+    return all_channels({motion.shifted(unit, Eigen::VectorXd::Ones(motion.samples()))});
   }
 
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// -J^T F on one link in a window of time: F and the moment about the link's origin, in the base frame, held.
+// -J^T F on one link in a window of time: F and the moment about the link's origin, in the base frame, held
+// between a straight rise and a straight fall.
+#include <algorithm>
+
 #include "effects.hpp"
 
 namespace dynid::detail {
@@ -11,12 +14,15 @@ class ExternalContact : public Hypothesis {
   Scope scope() const override { return Scope::window; }
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"start", "s", 0.0, 1e9, 1, false}, {"duration", "s", 0.1, 1e9, 1, false}};
+    return {{"start", "s", 0.0, 1e9, 1, false},
+            {"duration", "s", 0.1, 1e9, 1, false},
+            {"rise_time", "s", 0.005, 0.3, 1, true}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     ColumnBlock block;
-    const Eigen::ArrayXd inside =
-        (motion.t.array() >= shape[0] && motion.t.array() <= shape[0] + shape[1]).cast<double>();
+    const double rise = std::min(shape[2], 0.5 * shape[1]);
+    const Eigen::ArrayXd since = motion.t.array() - shape[0], until = shape[1] - since;
+    const Eigen::ArrayXd inside = (since.min(until) / rise).max(0.0).min(1.0);
     for (int j = 0; j <= unit; ++j) {
       block.channels.push_back(j);
       block.values.push_back(-(motion.wrench_columns(unit, j).array().colwise() * inside).matrix());
@@ -29,14 +35,16 @@ class ExternalContact : public Hypothesis {
             {"force", "N", c.head(3), false},
             {"moment", "N m", c.tail(3), false},
             {"start", "s", shape.head(1), false},
-            {"duration", "s", shape.tail(1), false}};
+            {"duration", "s", shape.segment(1, 1), false},
+            {"rise_time", "s", shape.tail(1), false}};
   }
   void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
     c.resize(6);
     c << arm_value(effect, "force", 3), arm_value(effect, "moment", 3);
-    shape.resize(2);
-    shape << arm_value(effect, "start", 1), arm_value(effect, "duration", 1);
+    shape.resize(3);
+    shape << arm_value(effect, "start", 1), arm_value(effect, "duration", 1),
+        arm_value(effect, "rise_time", 1);
   }
 };
 

@@ -9,7 +9,7 @@ class JointElasticity : public OwnTorque {
  public:
   JointElasticity() : OwnTorque("joint_elasticity", {}) {}
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
-    return all_channels({shifted_joint(motion, unit, -motion.rigid.col(unit))});
+    return all_channels({motion.shifted(unit, -motion.rigid.col(unit))});
   }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {

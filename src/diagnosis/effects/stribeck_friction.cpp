@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// (Fs - Fc) exp(-|dq / vs|^delta) sgn dq: what breaking away takes beyond Coulomb friction; delta 1 (Tustin)
-// or 2.
+// (Fs - Fc) exp(-|dq / vs|^delta) sgn dq: what breaking away takes beyond Coulomb friction; delta from 1
+// (Tustin) to 2.
 #include "effects.hpp"
 
 namespace dynid::detail {
@@ -13,7 +13,7 @@ class StribeckFriction : public OwnTorque {
     return {{"stribeck_velocity", "rad/s", 0.02, 0.6, 6, true},
             // Narrower than the bump itself: else the two would only be a factor.
             {"velocity_scale", "rad/s", 0.002, 0.03, 3, true},
-            {"exponent", "1", 1.0, 2.0, 2, false}};
+            {"exponent", "1", 1.0, 2.0, 3, false}};
   }
 
  protected:

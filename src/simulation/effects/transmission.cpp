@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A motor mass of its own behind a spring (joint_elasticity) that may have play (backlash).
+// A motor mass of its own behind a spring (joint_elasticity) that may have play (backlash), or whose torque
+// is partly lost on the way (backlash with a dead zone).
+#include <algorithm>
 #include <cmath>
 
 #include "effect_model.hpp"
@@ -14,10 +16,21 @@ class SpringInJoint : public EffectModel {
         stiffness_(values(effect, "stiffness")),
         inertia_(values(effect, "motor_inertia")),
         damping_(value(effect, "damping_ratio")) {
-    if (effect.name == "backlash") gap_ = values(effect, "gap");
+    if (effect.name != "backlash") return;
+    gap_ = values(effect, "gap");
+    dead_zone_ = values(effect, "dead_zone");
+  }
+  SensorStage stage() const override {
+    return dead_zone_.size() > 0 && dead_zone_.maxCoeff() > 0.0 ? SensorStage::gain : SensorStage::none;
+  }
+  void sense(double, Eigen::VectorXd& tau) override {  // on the motor's side: what is lost is there still
+    constexpr double closing = 0.05;                   // [N m]
+    for (const int joint : joints_)
+      tau[joint - 1] += dead_zone_[joint - 1] * std::tanh(tau[joint - 1] / closing);
   }
   void transmission(std::vector<Transmission>& all) const override {
     for (const int joint : joints_) {
+      if (dead_zone_.size() > 0 && dead_zone_[joint - 1] > 0.0) continue;
       Transmission& t = all[static_cast<std::size_t>(joint - 1)];
       const double k = stiffness_[joint - 1];
       // Two springs in a row, when a joint has both effects.
@@ -30,7 +43,7 @@ class SpringInJoint : public EffectModel {
 
  private:
   std::vector<int> joints_;
-  Eigen::VectorXd stiffness_, inertia_, gap_;
+  Eigen::VectorXd stiffness_, inertia_, gap_, dead_zone_;
   double damping_;
 };
 
@@ -70,7 +83,16 @@ std::vector<EffectDefinition> transmission_effects() {
               Scale::times},
              stiffness(20000.0, 15000.0, 30000.0, Scale::none),
              motor_inertia(),
-             damping_ratio()}},
+             damping_ratio(),
+             {"dead_zone",
+              "N m",
+              "torque that is lost on the way: such a joint has this instead of gap and spring",
+              true,
+              {0.0},
+              0.0,
+              1e3,
+              {0.0},
+              {0.0}}}},
            &make_model<SpringInJoint>,
            nullptr,
            0.1}};
