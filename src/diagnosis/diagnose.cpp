@@ -248,12 +248,12 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
     offset += p;
   }
   for (const RowBlock& slope : slopes) terms.push_back({&slope, false});
-  const detail::Fit wide = detail::fit_terms(rows, rows.y, terms, model.kappa);
+  const Eigen::MatrixXd wide = detail::covariance_of(rows, terms, fit.noise, model.kappa);
   const auto extra = static_cast<Eigen::Index>(slopes.size());
   std::vector<Eigen::Index> chosen;
   for (Eigen::Index k = 0; k < mine; ++k) chosen.push_back(first + k);
   for (Eigen::Index k = 0; k < extra; ++k) chosen.push_back(all + k);
-  const Eigen::MatrixXd covariance = wide.covariance(chosen, chosen);
+  const Eigen::MatrixXd covariance = wide(chosen, chosen);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
   const Eigen::MatrixXd root =
       eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();

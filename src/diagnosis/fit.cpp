@@ -162,7 +162,7 @@ void step(const GapRows& rows, const Assembled& all, double kappa, const std::ve
     h(where) += normals.back().h;
     G(where, where) += normals.back().G;
   }
-  fit.theta = solve(G, h, &fit.covariance);
+  fit.theta = solve(G, h, nullptr);
   fit.left.resize(rows.size(), rows.joints());
   fit.residual.resize(rows.size(), rows.joints());
   fit.noise.resize(n);
@@ -181,6 +181,19 @@ void step(const GapRows& rows, const Assembled& all, double kappa, const std::ve
 }
 
 }  // namespace
+
+Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
+                              const std::vector<ChannelNoise>& noise, double kappa) {
+  const Assembled all = assemble(rows, rows.y, terms);
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size), covariance;
+  for (int j = 0; j < rows.joints(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const Whitener by = whitener(rows, j, noise[at], kappa);
+    G(all.where[at], all.where[at]) += normal_equations(rows, all.y.col(j), all.columns[at], by).G;
+  }
+  solve(G, Eigen::VectorXd::Zero(all.size), &covariance);
+  return covariance;
+}
 
 Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const ChannelNoise& noise) {
   const Eigen::Index lags = noise.ar.size();

@@ -25,7 +25,6 @@ struct Term {
 /// relative errors (standard deviation kappa) being integrated out.
 struct Fit {
   Eigen::VectorXd theta;            ///< coefficients of the terms that are not fixed, one after the other
-  Eigen::MatrixXd covariance;       ///< of theta
   Eigen::MatrixXd left;             ///< rows x n: the gap without the terms
   Eigen::MatrixXd residual;         ///< rows x n: and without what the nominal model's errors explain
   std::vector<ChannelNoise> noise;  ///< of each joint
@@ -65,6 +64,11 @@ Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<T
 /// The same by the better of some given noises (one a joint in each), each taken once.
 Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
               const std::vector<std::vector<Whitener>>& by);
+
+/// Covariance of the coefficients of terms, none of them fixed, beside the nominal model's errors, in the noise that
+/// a fit has left (of each joint): what the fit's own last step took for noise may be far larger.
+Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
+                              const std::vector<ChannelNoise>& noise, double kappa);
 
 /// `x` (rows x columns) whitened by the noise, in units of its standard deviation; the first rows of every
 /// part, which have no past, are left out.
