@@ -65,8 +65,9 @@ Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<T
 Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
               const std::vector<std::vector<Whitener>>& by);
 
-/// Covariance of the coefficients of terms, none of them fixed, beside the nominal model's errors, in the noise that
-/// a fit has left (of each joint): what the fit's own last step took for noise may be far larger.
+/// Covariance of the coefficients of those terms that are not fixed, beside the nominal model's errors, in
+/// the noise that a fit has left (of each joint): what the fit's own last step took for noise may be far
+/// larger.
 Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
                               const std::vector<ChannelNoise>& noise, double kappa);
 

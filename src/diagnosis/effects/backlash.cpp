@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play between motor and link: a spring that transmits no torque inside the gap. The link crosses it on a
 // path of its own, driven by gravity, its neighbours and its friction, and meets the other end with a blow.
+#include <algorithm>
 #include <cmath>
 
 #include "dynid/friction/friction.hpp"
