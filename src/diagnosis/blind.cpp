@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/error.hpp"
 #include "dynid/file.hpp"
@@ -275,8 +276,7 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
       const int joint = static_cast<int>(i) + 1;
       const bool per_joint = p.value.size() >= 4;
       if (truth == 0.0 || (per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint)))) continue;
-      out.push_back(
-          {p.key, p.value[i], p.low[i], p.high[i], truth, per_joint ? std::abs(p.value[i]) : p.value.norm()});
+      out.push_back({p.key, p.value[i], p.low[i], p.high[i], truth, Calibration::scale(p, i)});
     }
   }
   return out;

@@ -126,7 +126,8 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
   std::vector<double> all;
   for (const Error90& e : errors) {
     const double half = (e.off ? best.interval_factor_off : best.interval_factor) * e.half;
-    const double rest = std::sqrt(std::max(0.0, e.error * e.error - half * half)) / std::max(e.scale, 1e-12);
+    if (e.scale == 0.0) continue;
+    const double rest = std::sqrt(std::max(0.0, e.error * e.error - half * half)) / e.scale;
     form[e.parameter].push_back(rest);
     all.push_back(rest);
   }

@@ -292,9 +292,8 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
       std::sort(x.data(), x.data() + x.size());
       const double value = estimate.value[i], below = std::max(0.0, value - x[draws / 20]),
                    above = std::max(0.0, x[draws - 1 - draws / 20] - value);
-      // A joint's own value, or a vector: by its own size. Joints that have none of it stay at 0.
-      const double form = calibration().form_error_of(e.h->name(), best.keys[k]) *
-                          (best.values[k].size() >= 4 ? std::abs(value) : best.values[k].norm());
+      const double form =
+          calibration().form_error_of(e.h->name(), best.keys[k]) * Calibration::scale(estimate, i);
       estimate.low[i] = value - std::hypot(below, form);
       estimate.high[i] = value + std::hypot(above, form);
     }

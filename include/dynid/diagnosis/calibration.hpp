@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <string>
 #include <vector>
@@ -19,10 +20,16 @@ struct Calibration {
   double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
   double interval_factor_off = 1.0;  ///< and where it is off
   /// Of "effect.parameter": how far the truth may be off, at 90 %, for having another form than the effect's,
-  /// relative to the value (of a vector: to its length). What is not listed has `form_error`.
+  /// relative to scale(). What is not listed has `form_error`.
   std::map<std::string, double> form_errors;
   double form_error = 0.0;
 
+  /// What a form error of element `i` is relative to: a joint's own value, or a vector's length; nothing for
+  /// an angle in degrees, which has no size.
+  static double scale(const Estimate& e, Eigen::Index i) {
+    if (e.unit == "deg") return 0.0;
+    return e.value.size() >= 4 ? std::abs(e.value[i]) : e.value.norm();
+  }
   double form_error_of(const std::string& effect, const std::string& parameter) const {
     const auto found = form_errors.find(effect + "." + parameter);
     return found != form_errors.end() ? found->second : form_error;
