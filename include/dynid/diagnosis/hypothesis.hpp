@@ -69,7 +69,7 @@ class Hypothesis {
   /// Puts the effect into the robot itself where the model has a place for it (inertia, friction, gravity,
   /// rotor inertia) and returns true; else returns false, and the effect goes into Robot::effects.
   virtual bool enter(Robot&, const Effect&) const { return false; }
-  /// The coefficients can be those of such an effect at all.
+  /// Coefficients and shape can be those of such an effect at all; where shape_only(), c is 1.
   virtual bool plausible(const Robot&, int, const Eigen::VectorXd&, const Eigen::VectorXd&) const {
     return true;
   }

@@ -2,7 +2,6 @@
 #include "effects.hpp"
 
 #include "dynid/error.hpp"
-#include "dynid/signal/filter.hpp"
 
 namespace dynid::detail {
 
