@@ -93,6 +93,18 @@ std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen
   return keep;
 }
 
+/// More than coloured noise and the nominal's own errors, where it has any, may leave.
+bool left_over(const GapRows& rows, const Eigen::MatrixXd& residual, double tolerance) {
+  const Eigen::VectorXd scale = rms(rows.load).cwiseMax(0.05 * rms(rows.load).maxCoeff());
+  return (rms(residual).array() > (4.0 * rows.white_floor + tolerance * scale).array()).any();
+}
+
+/// There is a gap in the rows, beyond what an inexact nominal leaves.
+bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double tolerance) {
+  const GapRows rows(everything, mine);
+  return left_over(rows, detail::fit_terms(rows, rows.y, {}, tolerance).residual, tolerance);
+}
+
 /// Energy in units of the floor, joints pooled.
 double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
   return (x * floor.cwiseInverse().asDiagonal()).squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()));
@@ -402,6 +414,15 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     first = alternate(everything, false, block_seconds, guard);
     last = alternate(everything, true, block_seconds, guard);
   }
+  // What shows in one log alone (a contact, a limit that the others never meet) is sought there, judged within
+  // it, and must do no harm to the others.
+  bool alone = false;
+  if (several) {
+    const bool in_first = has_gap(everything, first, options.tolerance),
+               in_last = has_gap(everything, last, options.tolerance);
+    alone = in_first != in_last;
+    if (in_last && !in_first) std::swap(first, last);
+  }
   const GapRows rows(everything, first), held(everything, last);
   out.rms = rms(everything.y);
   out.floor = everything.white_floor;
@@ -488,39 +509,39 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.where = detail::locate(rows, rms(model.fit.residual).cwiseMax(rows.white_floor),
                              detail::surrogates(rows, rows.y, options.surrogates, options.seed));
 
-  // What no effect explains, against the white floor: coloured noise and the nominal's own errors, where it
-  // has any, have room.
-  const Eigen::VectorXd scale = rms(rows.load).cwiseMax(0.05 * rms(rows.load).maxCoeff());
-  const Eigen::VectorXd allowed =
-      4.0 * rows.white_floor + (model.kappa > 0.0 ? options.tolerance : 0.0) * scale;
-  const auto left_over = [&](const Eigen::MatrixXd& residual) {
-    return (rms(residual).array() > allowed.array()).any();
+  const auto unexplained = [&](const Eigen::MatrixXd& residual) {
+    return left_over(rows, residual, model.kappa > 0.0 ? options.tolerance : 0.0);
   };
   const auto explained = [&](const GapRows& of, const Eigen::MatrixXd& residual) {
     return std::clamp(shrink_fraction(of.y, residual, noise), 0.0, 1.0);
   };
-  const bool windowed = has_window(model);
+  const bool windowed = has_window(model), within = windowed || (alone && !model.effects.empty());
   out.explained = model.effects.empty() ? 0.0 : explained(rows, model.fit.residual);
-  if (windowed) out.shrink = shrink_within(rows, model, noise, options.seed);
+  if (within) out.shrink = shrink_within(rows, model, noise, options.seed);
   const bool once =
       std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); });
   if (!model.effects.empty() && !once) {
     // What was found has to hold where it was not found.
-    const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
-    out.explained =
-        std::min(out.explained, explained(held, detail::fit_terms(held, rest, {}, model.kappa).residual));
+    const auto left = [&](const Eigen::MatrixXd& y) -> Eigen::MatrixXd {
+      return detail::fit_terms(held, y, {}, model.kappa).residual;
+    };
+    const Eigen::MatrixXd rest = left(held.y - contribution(held, model, model.fit.theta));
+    if (!alone)
+      out.explained = std::min(out.explained, explained(held, rest));
+    else if (energy(rest, noise) > energy(left(held.y), noise) + double(rows.joints()))
+      out.explained = 0.0;
   }
-  if (windowed && model.effects.size() == 1)  // a window of anything may be fitted: it has to hold between
-    out.explained = std::min(out.explained, std::max(0.0, out.shrink.fraction));
+  if ((windowed && model.effects.size() == 1) || (alone && !model.effects.empty()))
+    out.explained = std::min(out.explained, std::max(0.0, out.shrink.fraction));  // a window of anything fits
   if (model.effects.empty()) {
-    if (left_over(model.fit.residual))
+    if (unexplained(model.fit.residual))
       out.verdict = Verdict::unexplained;
     else
       out.verdict = out.p_value <= detection ? Verdict::not_detected : Verdict::no_gap;
   } else if (out.explained < least_explained) {
-    out.verdict = left_over(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
+    out.verdict = unexplained(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
   } else {
-    out.verdict = left_over(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
+    out.verdict = unexplained(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
                                                                                    : Verdict::explained;
   }
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
@@ -579,7 +600,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
 
   // How far it shrinks where nothing was chosen or fitted.
   say("shrink", 0.95);
-  if (!windowed) {
+  if (!within) {
     const Eigen::MatrixXd rest =
         adopt ? Eigen::MatrixXd(held.y - contribution(held, model, model.fit.theta)) : held.y;
     out.shrink = shrink_of(held, rest, noise, options.seed);

@@ -109,7 +109,7 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
   }
 
   std::vector<FoundEffect> here = effects;
-  const bool other_log = log != rows.log.front();  // a window of time is not of this log
+  const bool other_log = rows.log.front() != rows.log.back();  // a window of time is not of this log
   if (other_log)
     here.erase(std::remove_if(here.begin(), here.end(),
                               [](const FoundEffect& e) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// tau(t - d) - tau(t): the measured torque is late, on every joint alike.
+// tau(t - d) - tau(t): the measured torque is late, by the same time on every joint.
 #include "dynid/signal/filter.hpp"
 #include "effects.hpp"
 

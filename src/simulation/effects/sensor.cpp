@@ -42,13 +42,13 @@ class TorqueSaturation : public EffectModel {
   Eigen::VectorXd limit_;
 };
 
-/// A ring of the last torques, read `delay` ago by linear interpolation.
+/// A ring of the last torques, read its delay ago by linear interpolation.
 class TimeDelay : public EffectModel {
  public:
-  TimeDelay(const Effect& effect, const Robot& robot)
-      : delay_(value(effect, "delay_s")), late_(robot.size()) {
-    late_.setConstant(false);
-    for (const int joint : effect.joints) late_[joint - 1] = true;
+  TimeDelay(const Effect& effect, const Robot& robot) : delay_(Eigen::VectorXd::Zero(robot.size())) {
+    const Eigen::VectorXd own = values(effect, "channel_delay_s");
+    for (const int joint : effect.joints)
+      delay_[joint - 1] = own[joint - 1] > 0.0 ? own[joint - 1] : value(effect, "delay_s");
     tau_.resize(robot.size(), capacity);
     t_.resize(capacity);
   }
@@ -64,26 +64,26 @@ class TimeDelay : public EffectModel {
     count_ = std::min(count_ + 1, capacity);
     t_[newest_] = t;
     tau_.col(newest_) = tau;
-    const double wanted = t - delay_;
+    for (Eigen::Index j = 0; j < tau.size(); ++j)
+      if (delay_[j] > 0.0) tau[j] = at(j, t - delay_[j]);
+  }
+
+ private:
+  double at(Eigen::Index joint, double wanted) const {
     Eigen::Index after = newest_;
     for (int k = 1; k < count_; ++k) {
       const Eigen::Index before = (newest_ - k + capacity) % capacity;
       if (t_[before] <= wanted) {
         const double part = (wanted - t_[before]) / (t_[after] - t_[before]);
-        for (Eigen::Index j = 0; j < tau.size(); ++j)
-          if (late_[j]) tau[j] = tau_(j, before) + part * (tau_(j, after) - tau_(j, before));
-        return;
+        return tau_(joint, before) + part * (tau_(joint, after) - tau_(joint, before));
       }
       after = before;
     }
-    for (Eigen::Index j = 0; j < tau.size(); ++j)  // from before the start
-      if (late_[j]) tau[j] = tau_(j, after);
+    return tau_(joint, after);  // from before the start
   }
 
- private:
   static constexpr Eigen::Index capacity = 4096;
-  double delay_;
-  Eigen::Array<bool, Eigen::Dynamic, 1> late_;
+  Eigen::VectorXd delay_;
   Eigen::MatrixXd tau_;
   Eigen::VectorXd t_;
   Eigen::Index newest_ = 0, count_ = 0;
@@ -124,7 +124,8 @@ std::vector<EffectDefinition> sensor_effects() {
           {{"time_delay",
             "tau(t - d) - tau(t): the measured torque is late",
             EffectScope::whole_arm,
-            {{"delay_s", "s", "d", false, {0.01}, 0.0, 0.5, {0.008}, {0.03}, false, Scale::times}}},
+            {{"delay_s", "s", "d", false, {0.01}, 0.0, 0.5, {0.008}, {0.03}, false, Scale::times},
+             {"channel_delay_s", "s", "such a joint has this instead", true, {0.0}, 0.0, 0.5, {0.0}, {0.0}}}},
            &make_model<TimeDelay>},
           {{"encoder_offset",
             "(d tau / d q) dq0: the true position is the measured one + dq0",
