@@ -71,12 +71,6 @@ Robot for_simulation(const Robot& robot) {
     } else if (effect.name == "backlash") {
       effect.parameters.erase("contact_torque");  // the smoothing of what is a plain dead zone there
       effect.parameters["gap"].assign(n, 0.0);
-    } else if (effect.name == "external_contact") {
-      for (const double moment : effect.parameters["moment"])
-        if (std::abs(moment) > 1e-3)
-          throw Error(
-              "effect 'external_contact': its moment cannot be simulated: there a force acts on a point");
-      effect.parameters.erase("moment");
     }
     const auto width = effect.parameters.find("velocity_scale");
     if (width != effect.parameters.end() && width->second.size() == n && n > 1) {

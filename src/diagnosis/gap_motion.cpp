@@ -106,33 +106,36 @@ Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const
   return out;
 }
 
-Eigen::MatrixXd GapMotion::wrench_columns(int link, int joint) const {
+Eigen::MatrixXd GapMotion::force_columns(int link, const Eigen::Vector3d& point, int joint) const {
   const int n = robot_.size();
-  if (wrench_.empty()) {
-    wrench_.assign(
+  if (force_.empty()) {
+    force_.assign(
         static_cast<std::size_t>(n),
-        std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(n), Eigen::MatrixXd::Zero(q.rows(), 6)));
+        std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(n), Eigen::MatrixXd::Zero(q.rows(), 12)));
     Workspace<> ws(model_);
     std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(n) + 1);
     for (Eigen::Index i = 0; i < q.rows(); ++i) {
       forward_kinematics(model_, ws, q.row(i).transpose(), poses);
       for (int l = 0; l < n; ++l) {
         for (int j = 0; j <= l; ++j) {
-          const Eigen::Isometry3d& frame = poses[static_cast<std::size_t>(j)];
+          const Eigen::Isometry3d &frame = poses[static_cast<std::size_t>(j)],
+                                  &body = poses[static_cast<std::size_t>(l)];
           const Eigen::Vector3d axis = frame.linear() * robot_.joints[static_cast<std::size_t>(j)].axis;
-          const Eigen::Vector3d arm = poses[static_cast<std::size_t>(l)].translation() - frame.translation();
-          auto row = wrench_[static_cast<std::size_t>(l)][static_cast<std::size_t>(j)].row(i);
+          auto row = force_[static_cast<std::size_t>(l)][static_cast<std::size_t>(j)].row(i);
           if (robot_.joints[static_cast<std::size_t>(j)].type == JointType::prismatic) {
             row.head<3>() = axis.transpose();
           } else {
-            row.head<3>() = axis.cross(arm).transpose();
-            row.tail<3>() = axis.transpose();
+            row.head<3>() = axis.cross(body.translation() - frame.translation()).transpose();
+            for (int k = 0; k < 3; ++k)
+              row.segment<3>(3 + 3 * k) = axis.cross(body.linear().col(k)).transpose();
           }
         }
       }
     }
   }
-  return wrench_[static_cast<std::size_t>(link)][static_cast<std::size_t>(joint)];
+  const Eigen::MatrixXd& all = force_[static_cast<std::size_t>(link)][static_cast<std::size_t>(joint)];
+  return all.leftCols(3) + point[0] * all.middleCols(3, 3) + point[1] * all.middleCols(6, 3) +
+         point[2] * all.rightCols(3);
 }
 
 }  // namespace dynid

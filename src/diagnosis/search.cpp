@@ -45,9 +45,24 @@ Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
   const std::vector<ShapeParameter> parameters = h.shape();
   Eigen::VectorXd shape(static_cast<Eigen::Index>(parameters.size()));
   shape.head<2>() << from, to - from;
-  for (std::size_t s = 2; s < parameters.size(); ++s)
-    shape[static_cast<Eigen::Index>(s)] = std::sqrt(parameters[s].low * parameters[s].high);
+  for (std::size_t s = 2; s < parameters.size(); ++s) {
+    const ShapeParameter& p = parameters[s];
+    shape[static_cast<Eigen::Index>(s)] = p.logarithmic ? std::sqrt(p.low * p.high) : 0.5 * (p.low + p.high);
+  }
   return shape;
+}
+
+/// All of the log: the usual shape, and each parameter that is linear at its end; the windows are scanned for
+/// what all of them span.
+std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  std::vector<Eigen::VectorXd> points = {window_shape(h, -1e9, 1e9)};
+  for (std::size_t s = 2; s < parameters.size(); ++s) {
+    if (parameters[s].logarithmic) continue;
+    points.push_back(points.front());
+    points.back()[static_cast<Eigen::Index>(s)] = parameters[s].high;
+  }
+  return points;
 }
 
 std::vector<Term> terms_of(const std::vector<Adopted>& effects) {
@@ -82,7 +97,7 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
   for (std::size_t k = 0; k < library_.size(); ++k) {
     const Hypothesis& h = *library_[k];
     std::vector<Eigen::VectorXd> points = grid_of(h.shape());
-    if (h.scope() == Scope::window) points = {window_shape(h, -1e9, 1e9)};
+    if (h.scope() == Scope::window) points = window_points(h);
     grids_[k].resize(static_cast<std::size_t>(h.units(rows.motions().front().robot())));
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
       for (const Eigen::VectorXd& p : points) {
@@ -93,7 +108,7 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
   }
   // What a motion computes once for all is computed before it is shared.
   for (const GapMotion& motion : rows.motions()) {
-    motion.wrench_columns(0, 0);
+    motion.force_columns(0, Eigen::Vector3d::Zero(), 0);
     motion.inertia(0);
   }
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
@@ -436,7 +451,10 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
   int link = -1;
   Eigen::Index from = 0, to = 0;
   for (std::size_t u = 0; u < grid.size(); ++u) {
-    const RowBlock& block = *grid[u][0].block;
+    RowBlock block = *grid[u][0].block;
+    for (std::size_t k = 1; k < grid[u].size(); ++k)
+      for (std::size_t c = 0; c < block.channels.size(); ++c)
+        block.values[c] = beside(block.values[c], grid[u][k].block->values[c]);
     const Eigen::Index p = block.size();
     std::vector<Eigen::MatrixXd> sum(static_cast<std::size_t>(size) + 1, Eigen::MatrixXd::Zero(p, p + 1));
     for (Eigen::Index i = 0; i < size; ++i) {
@@ -467,12 +485,20 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
   }
   Adopted effect{&h, {}, 0.0};
   if (link < 0) return effect;
-  // The ends, row by row, by what the full fit says.
-  const auto window = [&](Eigen::Index a, Eigen::Index b) {
-    return made(h, link, window_shape(h, rows_.t[a], rows_.t[b]));
+  const std::vector<ShapeParameter> shape = h.shape();
+  const auto value = [&](const RowBlock& block) { return coupled_gain(h, block, beginning); };
+  UnitShape best = made(h, link, window_shape(h, rows_.t[from], rows_.t[to]));
+  double gain = value(*best.block);
+  const auto improve_all = [&](Eigen::Index first, double row) {
+    for (Eigen::Index s = first; s < best.shape.size(); ++s) {
+      const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
+      const bool edge = s < 2;
+      gain = improve(h, best, s, edge ? best.shape[s] - row : p.low, edge ? best.shape[s] + row : p.high,
+                     p.logarithmic, gain, value);
+    }
   };
-  UnitShape best = window(from, to);
-  double gain = coupled_gain(h, *best.block, beginning);
+  for (int pass = 0; pass < 3; ++pass) improve_all(2, 0.0);
+  // The ends, row by row, by what the full fit says.
   for (Eigen::Index step = std::max<Eigen::Index>(1, (to - from) / 8); step >= 1; step /= 2) {
     for (bool moved = true; moved;) {
       moved = false;
@@ -481,10 +507,12 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
         if (a < 0 || b >= size || b - a < 4 || b - a >= longest ||
             rows_.log[static_cast<std::size_t>(a)] != rows_.log[static_cast<std::size_t>(b)])
           continue;
-        const UnitShape other = window(a, b);
-        const double value = coupled_gain(h, *other.block, beginning);
-        if (value > gain + 1e-6) {
-          gain = value, best = other, from = a, to = b;
+        Eigen::VectorXd at = best.shape;
+        at.head<2>() << rows_.t[a], rows_.t[b] - rows_.t[a];
+        const UnitShape other = made(h, link, at);
+        const double here = value(*other.block);
+        if (here > gain + 1e-6) {
+          gain = here, best = other, from = a, to = b;
           moved = true;
           break;
         }
@@ -494,16 +522,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
   effect.units = {best};
   if (gain - cost(effect) > 0.0) {  // and between the rows
     const double row = (rows_.t[to] - rows_.t[from]) / double(to - from);
-    const std::vector<ShapeParameter> shape = h.shape();
-    for (int pass = 0; pass < 2; ++pass) {
-      for (Eigen::Index s = 0; s < best.shape.size(); ++s) {
-        const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
-        const bool edge = s < 2;
-        const auto value = [&](const RowBlock& block) { return coupled_gain(h, block, beginning); };
-        gain = improve(h, best, s, edge ? best.shape[s] - row : p.low, edge ? best.shape[s] + row : p.high,
-                       p.logarithmic, gain, value);
-      }
-    }
+    for (int pass = 0; pass < 3; ++pass) improve_all(0, row);
     effect.units = {best};
   }
   effect.gain = gain - cost(effect);

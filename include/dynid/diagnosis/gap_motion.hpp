@@ -42,17 +42,18 @@ class GapMotion {
   Eigen::VectorXd inertia(int joint) const;
   /// What a gravity vector [m/s^2], in the base frame, adds to the rigid body's torque: N x n [N m].
   Eigen::MatrixXd gravity_columns(const Eigen::Vector3d& gravity) const;
-  /// J^T of the origin of link `link` (from 0), for a force and a moment in the axes of the base frame: rows
-  /// of joint `joint`, N x 6. The first call makes them all: not from two threads at once.
-  Eigen::MatrixXd wrench_columns(int link, int joint) const;
+  /// J^T of a point [m] fixed in link `link` (from 0), in the link frame, for a force in the axes of the base
+  /// frame: rows of joint `joint`, N x 3. The first call makes what all share: not from two threads at once.
+  Eigen::MatrixXd force_columns(int link, const Eigen::Vector3d& point, int joint) const;
 
  private:
   Robot robot_;
   Model<> model_;
-  std::vector<Eigen::MatrixXd> regressor_;                    // joint by joint, N x 10 n
-  mutable std::vector<std::vector<Eigen::MatrixXd>> wrench_;  // link, joint
-  using Slopes = std::array<Eigen::MatrixXd, 3>;              // d tau / d (q_j, dq_j, ddq_j), N x n each
-  mutable std::vector<Slopes> slopes_;                        // of each joint
+  std::vector<Eigen::MatrixXd> regressor_;  // joint by joint, N x 10 n
+  // Link, joint: J^T of the link's origin, then what each unit of the point's coordinates adds: N x 12.
+  mutable std::vector<std::vector<Eigen::MatrixXd>> force_;
+  using Slopes = std::array<Eigen::MatrixXd, 3>;  // d tau / d (q_j, dq_j, ddq_j), N x n each
+  mutable std::vector<Slopes> slopes_;            // of each joint
   const Slopes& slopes(int joint) const;
 };
 

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// -J^T F on one link in a window of time: F and the moment about the link's origin, in the base frame, held
-// between a straight rise and a straight fall.
+// -J^T F at a point of one link in a window of time: F, in the axes of the base frame, is held between a
+// straight rise and a straight fall.
 #include <algorithm>
 
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
+
+constexpr double farthest = 0.5;  // [m] of the point from the link's origin, along each axis
 
 class ExternalContact : public Hypothesis {
  public:
@@ -16,7 +18,10 @@ class ExternalContact : public Hypothesis {
   std::vector<ShapeParameter> shape() const override {
     return {{"start", "s", 0.0, 1e9, 1, false},
             {"duration", "s", 0.1, 1e9, 1, false},
-            {"rise_time", "s", 0.005, 0.3, 1, true}};
+            {"rise_time", "s", 0.005, 0.3, 1, true},
+            {"x", "m", -farthest, farthest, 1, false},
+            {"y", "m", -farthest, farthest, 1, false},
+            {"z", "m", -farthest, farthest, 1, false}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     ColumnBlock block;
@@ -25,26 +30,25 @@ class ExternalContact : public Hypothesis {
     const Eigen::ArrayXd inside = (since.min(until) / rise).max(0.0).min(1.0);
     for (int j = 0; j <= unit; ++j) {
       block.channels.push_back(j);
-      block.values.push_back(-(motion.wrench_columns(unit, j).array().colwise() * inside).matrix());
+      block.values.push_back(-(motion.force_columns(unit, shape.tail<3>(), j).array().colwise() * inside).matrix());
     }
     return block;
   }
   std::vector<NamedValue> parameters(const Robot&, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
     return {{"link", "1", Eigen::VectorXd::Constant(1, unit + 1), false},
-            {"force", "N", c.head(3), false},
-            {"moment", "N m", c.tail(3), false},
+            {"force", "N", c, false},
+            {"point", "m", shape.tail(3), false},
             {"start", "s", shape.head(1), false},
             {"duration", "s", shape.segment(1, 1), false},
-            {"rise_time", "s", shape.tail(1), false}};
+            {"rise_time", "s", shape.segment(2, 1), false}};
   }
   void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
-    c.resize(6);
-    c << arm_value(effect, "force", 3), arm_value(effect, "moment", 3);
-    shape.resize(3);
+    c = arm_value(effect, "force", 3);
+    shape.resize(6);
     shape << arm_value(effect, "start", 1), arm_value(effect, "duration", 1),
-        arm_value(effect, "rise_time", 1);
+        arm_value(effect, "rise_time", 1), arm_value(effect, "point", 3);
   }
 };
 
