@@ -5,6 +5,8 @@
 namespace dynid::detail {
 namespace {
 
+Eigen::ArrayXd beyond(const Eigen::ArrayXd& tau, double limit) { return tau - tau.max(-limit).min(limit); }
+
 class TorqueSaturationOfCommand : public OwnTorque {
  public:
   TorqueSaturationOfCommand() : OwnTorque("torque_saturation", {}) {}
@@ -15,9 +17,9 @@ class TorqueSaturationOfCommand : public OwnTorque {
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
-    // What was asked for and not got, the motion does not know: it is in the measured torque alone.
-    const Eigen::ArrayXd tau = motion.tau.col(j);
-    return tau - tau.max(-shape[0]).min(shape[0]);
+    // What was asked for and not got, the motion does not know: it is in the measured torque alone. What the
+    // motion shows beyond the limit was got, and speaks against that limit.
+    return beyond(motion.tau.col(j), shape[0]) + beyond(motion.nominal.col(j), shape[0]);
   }
 };
 
