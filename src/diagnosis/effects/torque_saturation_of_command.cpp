@@ -1,11 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // Saturation in its other form: the log has the torque that was asked for, the joint got no more than +-limit.
+#include <cmath>
+
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
 
+constexpr double doubt = 6.0;  // standard deviations of its noise that a torque has to be beyond the limit
+
 Eigen::ArrayXd beyond(const Eigen::ArrayXd& tau, double limit) { return tau - tau.max(-limit).min(limit); }
+
+/// Of white noise, from third differences: N m.
+double noise_of(const Eigen::ArrayXd& tau) {
+  const Eigen::Index size = tau.size() - 3;
+  if (size < 1) return 0.0;
+  return std::sqrt((tau.tail(size) - 3.0 * tau.segment(2, size) + 3.0 * tau.segment(1, size) - tau.head(size))
+                       .square()
+                       .mean() /
+                   20.0);
+}
 
 class TorqueSaturationOfCommand : public OwnTorque {
  public:
@@ -17,9 +31,12 @@ class TorqueSaturationOfCommand : public OwnTorque {
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
-    // What was asked for and not got, the motion does not know: it is in the measured torque alone. What the
-    // motion shows beyond the limit was got, and speaks against that limit.
-    return beyond(motion.tau.col(j), shape[0]) + beyond(motion.nominal.col(j), shape[0]);
+    // What was asked for and not got, the motion does not know: it is in the measured torque alone, with the
+    // noise that is in the gap too and must not be explained by itself. What the motion shows beyond the limit
+    // was got, and speaks against that limit.
+    const Eigen::ArrayXd asked = beyond(motion.tau.col(j), shape[0]);
+    const double least = doubt * noise_of(motion.tau.col(j)) + 1e-9;
+    return asked.cube() / (asked.square() + least * least) + beyond(motion.nominal.col(j), shape[0]);
   }
 };
 
