@@ -110,6 +110,22 @@ double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
   return (x * floor.cwiseInverse().asDiagonal()).squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()));
 }
 
+/// `after` is larger than `before`, block by block: what happens once, however large, does not decide.
+bool worse(const GapRows& rows, const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
+           const Eigen::VectorXd& floor) {
+  const double noise = double(floor.size());
+  double sum = 0.0;
+  for (Eigen::Index from = 0, to = 0; from < rows.size(); from = to) {
+    const auto block = [&](Eigen::Index i) {
+      return std::pair{rows.log[static_cast<std::size_t>(i)], std::floor(rows.t[i] / block_seconds)};
+    };
+    while (to < rows.size() && block(to) == block(from)) ++to;
+    sum += std::log((energy(after.middleRows(from, to - from), floor) + noise) /
+                    (energy(before.middleRows(from, to - from), floor) + noise));
+  }
+  return sum > 0.0;
+}
+
 /// What each effect takes of the explained energy, averaged over the orders in which they may come (Shapley;
 /// Lindeman, Merenda and Gold 1980), of a sum of 1.
 std::vector<double> shapley_shares(const Search& search, const GapModel& model,
@@ -491,7 +507,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       else
         rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
     }
-    if (energy(rest, rows.white_floor) > energy(held.y, rows.white_floor) + double(rows.joints()))
+    if (worse(held, held.y, rest, rows.white_floor))
       model = search.exchanged(search.evaluate(std::move(once_only), model.kappa));
   }
   const GapModel none = search.none(model.kappa);
@@ -528,7 +544,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     const Eigen::MatrixXd rest = left(held.y - contribution(held, model, model.fit.theta));
     if (!alone)
       out.explained = std::min(out.explained, explained(held, rest));
-    else if (energy(rest, noise) > energy(left(held.y), noise) + double(rows.joints()))
+    else if (worse(held, left(held.y), rest, noise))
       out.explained = 0.0;
   }
   if ((windowed && model.effects.size() == 1) || (alone && !model.effects.empty()))
