@@ -2,6 +2,7 @@
 #include "rows.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
 #include "dynid/friction/friction.hpp"
@@ -43,7 +44,7 @@ GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
       while (last >= first && filter.centre(last) > segment.t.size() - 1 - edge) --last;
       if (last < first) continue;
       motions->emplace_back(nominal, segment, start);
-      stretches->push_back({filter, first, last - first + 1});
+      stretches->push_back({filter, first, last - first + 1, static_cast<int>(l)});
       parts.push_back(parts.back() + last - first + 1);
       for (Eigen::Index k = first; k <= last; ++k) {
         stamps.push_back(motions->back().t[filter.centre(k)]);
@@ -53,6 +54,7 @@ GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
   }
   motions_ = motions;
   stretches_ = stretches;
+  used_.assign(stretches->size(), true);
   t = Eigen::Map<Eigen::VectorXd>(stamps.data(), static_cast<Eigen::Index>(stamps.size()));
   std::vector<Eigen::MatrixXd> gap, position, speed, acceleration, torque;
   for (const GapMotion& m : *motions_) {
@@ -115,6 +117,13 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
     }
     if (before) parts.push_back(static_cast<Eigen::Index>(rows.size()));
   }
+  Eigen::Index end = 0;
+  for (const Stretch& stretch : *stretches_) {
+    const Eigen::Index begin = end;
+    end += stretch.count;
+    used_.push_back(std::any_of(kept_.begin(), kept_.end(),
+                                [&](Eigen::Index i) { return i >= begin && i < end; }));
+  }
   y = other.y(rows, Eigen::all);
   q = other.q(rows, Eigen::all);
   dq = other.dq(rows, Eigen::all);
@@ -126,15 +135,31 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
   for (const Eigen::MatrixXd& columns : other.nuisance) nuisance.push_back(columns(rows, Eigen::all));
 }
 
+double GapRows::start(int of_log) const {
+  for (std::size_t s = 0; s < stretches_->size(); ++s)
+    if ((*stretches_)[s].log == of_log) return (*motions_)[s].start;
+  return 0.0;
+}
+
 Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) const {
-  Eigen::Index rows = 0;
+  Eigen::Index rows = 0, columns = 0;
   for (const Stretch& stretch : *stretches_) rows += stretch.count;
-  Eigen::MatrixXd out(rows, signals.front().cols());
+  for (const Eigen::MatrixXd& signal : signals) columns = std::max(columns, signal.cols());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(rows, columns);
   rows = 0;
   for (std::size_t s = 0; s < signals.size(); ++s) {
     const Stretch& stretch = (*stretches_)[s];
-    for (Eigen::Index k = 0; k < stretch.count; ++k)
-      out.row(rows++) = stretch.filter.output(stretch.first + k, signals[s], 0, signals[s].rows());
+    const Eigen::MatrixXd& x = signals[s];
+    // Many are zero but for a window.
+    Eigen::Index begin = 0, end = x.rows();
+    while (begin < end && x.row(begin).isZero(0.0)) ++begin;
+    while (end > begin && x.row(end - 1).isZero(0.0)) --end;
+    for (Eigen::Index k = 0; k < stretch.count && begin < end; ++k) {
+      const Eigen::Index centre = stretch.filter.centre(stretch.first + k), reach = stretch.filter.reach();
+      if (centre + reach >= begin && centre - reach < end)
+        out.row(rows + k) = stretch.filter.output(stretch.first + k, x, 0, x.rows());
+    }
+    rows += stretch.count;
   }
   if (kept_.empty()) return out;
   return out(kept_, Eigen::all);
@@ -142,12 +167,16 @@ Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) c
 
 RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
   RowBlock out;
-  std::vector<ColumnBlock> blocks;
-  for (const GapMotion& motion : *motions_) blocks.push_back(h.columns(motion, unit, shape));
-  out.channels = blocks.front().channels;
+  std::vector<ColumnBlock> blocks(motions_->size());
+  for (std::size_t s = 0; s < blocks.size(); ++s) {
+    if (!used_[s]) continue;
+    blocks[s] = h.columns((*motions_)[s], unit, shape);
+    out.channels = blocks[s].channels;
+  }
   for (std::size_t k = 0; k < out.channels.size(); ++k) {
-    std::vector<Eigen::MatrixXd> signals;
-    for (ColumnBlock& block : blocks) signals.push_back(std::move(block.values[k]));
+    std::vector<Eigen::MatrixXd> signals(blocks.size());
+    for (std::size_t s = 0; s < blocks.size(); ++s)
+      if (used_[s]) signals[s] = std::move(blocks[s].values[k]);
     out.values.push_back(filtered(signals));
   }
   return out;

@@ -40,6 +40,7 @@ class GapRows {
   /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
+  double start(int of_log) const;  ///< [s] first stamp of a log (from 0)
 
   Eigen::MatrixXd y;                 ///< rows x n [N m]: the gap
   Eigen::MatrixXd q, dq, ddq, load;  ///< rows x n, filtered alike; load: the rigid body's torque
@@ -58,10 +59,12 @@ class GapRows {
   struct Stretch {
     DecimatingFilter filter;
     Eigen::Index first, count;
+    int log;
   };
   std::shared_ptr<const std::vector<GapMotion>> motions_;
   std::shared_ptr<const std::vector<Stretch>> stretches_;
   std::vector<Eigen::Index> kept_;  // empty: all
+  std::vector<bool> used_;          // of each stretch: it has rows that are kept; the others are not computed
   void make_nuisance();
   void find_white_floor();
 };

@@ -93,9 +93,10 @@ std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap,
       Eigen::Index first = -1, last = -1;
       const auto close = [&] {
         if (first >= 0 && last - first >= 4) {
-          const auto log = static_cast<std::size_t>(rows.log[static_cast<std::size_t>(first)]);
-          const double start = rows.motions()[p < rows.motions().size() ? p : 0].start;
-          found.push_back({logs[log], start + rows.t[first], start + rows.t[last], {j + 1}});
+          const int log = rows.log[static_cast<std::size_t>(first)];
+          const double start = rows.start(log);
+          found.push_back(
+              {logs[static_cast<std::size_t>(log)], start + rows.t[first], start + rows.t[last], {j + 1}});
         }
         first = -1;
       };
