@@ -68,6 +68,8 @@ Robot for_simulation(const Robot& robot) {
       }
       effect.parameters["damping"].assign(n, 0.0);
       effect.parameters.erase("slip");
+    } else if (effect.name == "joint_elasticity") {
+      effect.parameters.erase("damping");  // of the link there; here of the motor
     } else if (effect.name == "backlash") {
       effect.parameters.erase("contact_torque");  // the smoothing of what is a plain dead zone there
       effect.parameters["gap"].assign(n, 0.0);

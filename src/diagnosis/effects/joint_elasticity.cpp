@@ -1,22 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// A spring between the measured position and the link: the link swings on it, by the whole arm's dynamics.
-#include "../spring_in_joint.hpp"
+// The link lags the measured motor by tau / K: linear in 1 / K.
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
 
-constexpr double damping_ratio = 0.1;  // gears have little
-
 class JointElasticity : public OwnTorque {
  public:
   JointElasticity() : OwnTorque("joint_elasticity", {}) {}
-  bool shape_only() const override { return true; }
-  std::vector<ShapeParameter> shape() const override {
-    return {{"stiffness", "N m/rad", 10.0, 50000.0, 20, true}};
+  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
+    return all_channels({motion.shifted(unit, -motion.rigid.col(unit))});
   }
-  ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
-    return all_channels({spring_torque(motion, unit, {shape[0], 0.0, damping_ratio})});
+  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+                                     const Eigen::VectorXd&) const override {
+    return {{"stiffness", "N m/rad", Eigen::VectorXd::Constant(1, c[0] != 0.0 ? 1.0 / c[0] : 0.0)}};
+  }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c = Eigen::VectorXd::Constant(1, 1.0 / joint_value(robot, effect, "stiffness", unit));
+    shape.resize(0);
+  }
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return c[0] > 0.0;
   }
 
  protected:
