@@ -51,13 +51,16 @@ class Plant::Impl {
   /// Integration steps that the stiffest part of the plant needs in `h`.
   int substeps(double h);
   void update_mobility();
-  void torque_of_drive(double part) { drive_ = from_ + part * (to_ - from_); }
+  void torque_of_drive(double part) {
+    drive_ = from_ + part * (to_ - from_);
+    for (EffectModel* model : limiting_) model->drive(drive_);
+  }
   void see(bool first);
   void check_state() const;
 
   std::vector<Effect> effects_;
   std::vector<std::unique_ptr<EffectModel>> models_;
-  std::vector<EffectModel*> acting_;
+  std::vector<EffectModel*> acting_, limiting_;
   std::vector<std::size_t> sensors_;  // numbers of effects, in the order of their stages
   // bodies_[k]: the robot with the first k of its body-changing effects; the last one is the plant.
   std::vector<detail::WholeTorque> bodies_;
@@ -107,6 +110,7 @@ Plant::Impl::Impl(const Robot& robot, const PlantOptions& options)
     model.transmission(transmission_);
     model.add_encoder_offset(encoder_offset_);
     if (model.acts()) acting_.push_back(&model);
+    if (model.limits_drives()) limiting_.push_back(&model);
     if (model.stage() != detail::SensorStage::none) sensors_.push_back(models_.size() - 1);
   }
   std::stable_sort(sensors_.begin(), sensors_.end(), [this](std::size_t a, std::size_t b) {

@@ -144,6 +144,28 @@ INSTANTIATE_TEST_SUITE_P(
         Known{"encoder_offset:joints=4,offset=0.05", "encoder_offset", "offset", 3, 0.05, 0.1}),
     [](const auto& known) { return std::string(known.param.name); });
 
+// The same effects in the other forms that they may have.
+class DiagnosesOtherForm : public testing::TestWithParam<Known> {};
+TEST_P(DiagnosesOtherForm, NamesTheEffect) {
+  const Known& k = GetParam();
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot, {k.effect}, 33));
+  ASSERT_EQ(d.verdict, Verdict::explained) << to_string(d.verdict) << ", explained " << d.explained;
+  ASSERT_EQ(d.effects.size(), 1U);
+  EXPECT_EQ(d.effects[0].effect.name, k.name);
+  EXPECT_NEAR(value(d.effects[0], k.key, k.index), k.truth, k.tolerance * std::abs(k.truth));
+  EXPECT_GT(d.shrink.fraction, 0.9);
+}
+INSTANTIATE_TEST_SUITE_P(
+    Plant, DiagnosesOtherForm,
+    testing::Values(Known{"time_delay:joints=2+4,channel_delay_s=0.015", "time_delay", "channel_delay_s", 3,
+                          0.015, 0.1},
+                    Known{"torque_saturation:joints=1,command_limit=13", "torque_saturation",
+                          "command_limit", 0, 13.0, 0.05},
+                    Known{"joint_elasticity:joints=6,stiffness=80,motor_inertia=0.02", "joint_elasticity",
+                          "stiffness", 5, 80.0, 0.1}),
+    [](const auto& known) { return std::string(known.param.name); });
+
 TEST(Diagnose, PayloadHasItsMassAndCentre) {
   const Robot robot = panda();
   const std::vector<Log> logs = recorded(robot, {"payload:mass=1.5,com=0.02:-0.03:0.06"}, 5);
@@ -168,6 +190,35 @@ TEST(Diagnose, ContactIsFoundInItsWindow) {
     if (e.key != "link") {
       EXPECT_LT(e.low[0], e.high[0]) << e.key;
     }
+}
+
+TEST(Diagnose, ContactActsOnAPointOfItsLink) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(
+      robot,
+      recorded(robot,
+               {"external_contact:link=6,force=15:-12:-15,point=0.08:0.05:-0.04,start=4,duration=1.5"}, 8));
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(value(d.effects[0], "link"), 6.0);
+  const double force[] = {15.0, -12.0, -15.0}, point[] = {0.08, 0.05, -0.04};
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(value(d.effects[0], "force", k), force[k], 1.5);
+    EXPECT_NEAR(value(d.effects[0], "point", k), point[k], 0.015);
+  }
+}
+
+// The last log judges; what it alone has is sought in it, and not found in the others.
+TEST(Diagnose, WhatTheLastLogAloneHasIsFound) {
+  const Robot robot = panda();
+  std::vector<Log> logs = recorded(robot, {}, 15);
+  logs[1] = recorded(robot, {"external_contact:link=7,force=15:0:-15,start=4,duration=1.2"}, 15)[1];
+  const Diagnosis d = diagnose(robot, logs);
+  ASSERT_EQ(d.effects.size(), 1U);
+  EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+  EXPECT_NEAR(value(d.effects[0], "start"), 4.0, 0.2);
+  EXPECT_GT(d.shrink.fraction, 0.9);
+  for (std::size_t i = 0; i < d.series.held_out.size(); ++i)
+    EXPECT_EQ(d.series.held_out[i], d.series.log[i] == 0);
 }
 
 TEST(Diagnose, NoGapHasNoEffect) {

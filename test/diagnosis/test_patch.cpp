@@ -141,7 +141,7 @@ TEST(Patch, WhatCannotBeSimulatedIsRefusedByName) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("external_contact"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("moment"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("point"), std::string::npos) << error.what();
   }
 }
 

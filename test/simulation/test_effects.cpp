@@ -92,8 +92,8 @@ class Formula {
         return limit > 0.0 ? std::min(limit, std::max(-limit, tau(i, j))) - tau(i, j) : 0.0;
       });
     if (name == "time_delay") {
-      const double rows = one("delay_s") * 1000.0;
       return each([&](Eigen::Index i, int j) {
+        const double own = at("channel_delay_s", j), rows = (own > 0.0 ? own : one("delay_s")) * 1000.0;
         const double from = std::max(0.0, double(i) - rows);
         const auto k = static_cast<Eigen::Index>(from);
         const double part = from - double(k);
@@ -205,6 +205,8 @@ TEST_P(EveryEffect, AddsWhatItsFormulaSays) {
   const Trajectory desired = motion();
   std::vector<Effect> cases = {parse_effect(GetParam(), robot)};
   if (GetParam() == "external_contact") cases = {parse_effect("external_contact:start=2", robot)};
+  if (GetParam() == "time_delay")
+    cases.push_back(parse_effect("time_delay:channel_delay_s=0.004:0.011:0:0.002:0.02:0.003:0.001", robot));
   for (unsigned long seed = 1; seed <= 2; ++seed)
     cases.push_back(draw_effect(GetParam(), robot, seed, 1.0, duration));
   double largest = 0.0;
@@ -285,6 +287,20 @@ TEST(Effects, NoneByDefault) {
   EXPECT_TRUE(run.injected.empty());
   EXPECT_EQ(run.log.q, run.q);
   EXPECT_EQ(run.log.t, run.t);
+}
+
+// A drive that stops at its limit: the joint gets no more, what was asked for is what is seen.
+TEST(Effects, ALimitedDriveIsSeenByItsCommand) {
+  const Robot robot = test::panda();
+  const SimulatedRun free = simulate(robot, {}, motion());
+  const double limit = 0.8 * free.tau.col(0).cwiseAbs().maxCoeff();
+  const SimulatedRun run = simulate(
+      robot, {parse_effect("torque_saturation:joints=1,command_limit=" + std::to_string(limit), robot)}, motion());
+  EXPECT_LT(run.tau.col(0).cwiseAbs().maxCoeff(), limit + 1e-6);
+  EXPECT_GT(run.seen_tau.col(0).cwiseAbs().maxCoeff(), 1.05 * limit);
+  EXPECT_EQ(run.tau.rightCols(6), run.seen_tau.rightCols(6));
+  for (Eigen::Index i = 0; i < run.tau.rows(); ++i)
+    EXPECT_NEAR(std::max(-limit, std::min(limit, run.seen_tau(i, 0))), run.tau(i, 0), 1e-5);
 }
 
 TEST(Effects, AnyNumberAtOnceAddUp) {

@@ -29,7 +29,7 @@ struct Transmission {
 };
 
 /// Where an effect sits in the torque sensor's chain.
-enum class SensorStage { none, gain, offset, saturation, delay };
+enum class SensorStage { none, command, gain, offset, saturation, delay };
 
 /// An effect inside the plant: what it does not do, it leaves as it is. Nothing but the constructor and
 /// change() may allocate or throw.
@@ -44,6 +44,10 @@ class EffectModel {
   virtual void add_inertia(Eigen::MatrixXd&) const {}
   /// Puts a spring into a joint.
   virtual void transmission(std::vector<Transmission>&) const {}
+
+  /// Leaves of the torques [N m] that the drives are asked for what they give.
+  virtual bool limits_drives() const { return false; }
+  virtual void drive(Eigen::VectorXd&) {}
 
   /// It adds joint torque, by torque().
   virtual bool acts() const { return false; }

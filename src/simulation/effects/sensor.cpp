@@ -29,17 +29,36 @@ class TorqueGain : public EffectModel {
   Eigen::VectorXd gain_;
 };
 
+/// The sensor stops at a limit, or the drive does, and what was asked of it is what is seen.
 class TorqueSaturation : public EffectModel {
  public:
-  TorqueSaturation(const Effect& effect, const Robot&) : limit_(values(effect, "limit")) {}
-  SensorStage stage() const override { return SensorStage::saturation; }
+  TorqueSaturation(const Effect& effect, const Robot& robot)
+      : limit_(values(effect, "limit")),
+        command_limit_(values(effect, "command_limit")),
+        refused_(Eigen::VectorXd::Zero(robot.size())) {}
+  bool limits_drives() const override { return command_limit_.maxCoeff() > 0.0; }
+  void drive(Eigen::VectorXd& tau) override {
+    for (Eigen::Index j = 0; j < tau.size(); ++j) {
+      if (!(command_limit_[j] > 0.0)) continue;
+      const double given = std::clamp(tau[j], -command_limit_[j], command_limit_[j]);
+      refused_[j] = tau[j] - given;
+      tau[j] = given;
+    }
+  }
+  SensorStage stage() const override {
+    return limits_drives() ? SensorStage::command : SensorStage::saturation;
+  }
   void sense(double, Eigen::VectorXd& tau) override {
-    for (Eigen::Index j = 0; j < tau.size(); ++j)
-      if (limit_[j] > 0.0) tau[j] = std::clamp(tau[j], -limit_[j], limit_[j]);
+    for (Eigen::Index j = 0; j < tau.size(); ++j) {
+      if (command_limit_[j] > 0.0)
+        tau[j] += refused_[j];
+      else if (limit_[j] > 0.0)
+        tau[j] = std::clamp(tau[j], -limit_[j], limit_[j]);
+    }
   }
 
  private:
-  Eigen::VectorXd limit_;
+  Eigen::VectorXd limit_, command_limit_, refused_;
 };
 
 /// A ring of the last torques, read its delay ago by linear interpolation.
@@ -137,7 +156,16 @@ std::vector<EffectDefinition> sensor_effects() {
           {{"torque_saturation",
             "the measured torque stops at +-limit",
             EffectScope::joints,
-            {{"limit", "N m", "0: none on this joint", true, {20.0}, 0.0, 1e4, {5.0}, {30.0}}}},
+            {{"limit", "N m", "0: none on this joint", true, {20.0}, 0.0, 1e4, {5.0}, {30.0}},
+             {"command_limit",
+              "N m",
+              "of the drive, whose command is measured: such a joint has this instead",
+              true,
+              {0.0},
+              0.0,
+              1e4,
+              {0.0},
+              {0.0}}}},
            &make_model<TorqueSaturation>,
            &draw_limit,
            0.5}};
