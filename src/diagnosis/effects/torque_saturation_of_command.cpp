@@ -7,6 +7,7 @@
 namespace dynid::detail {
 namespace {
 
+constexpr double near = 0.15;  // to the limit, relatively: what the joint gets while more is asked for
 constexpr double doubt = 6.0;  // standard deviations of its noise that a torque has to be beyond the limit
 
 Eigen::ArrayXd beyond(const Eigen::ArrayXd& tau, double limit) { return tau - tau.max(-limit).min(limit); }
@@ -32,11 +33,13 @@ class TorqueSaturationOfCommand : public OwnTorque {
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
     // What was asked for and not got, the motion does not know: it is in the measured torque alone, with the
-    // noise that is in the gap too and must not be explained by itself. What the motion shows beyond the limit
-    // was got, and speaks against that limit.
-    const Eigen::ArrayXd asked = beyond(motion.tau.col(j), shape[0]);
+    // noise that is in the gap too and must not be explained by itself. What the joint did get is at the
+    // limit meanwhile, and never beyond.
+    const Eigen::ArrayXd asked = beyond(motion.tau.col(j), shape[0]), got = motion.nominal.col(j).array();
     const double least = doubt * noise_of(motion.tau.col(j)) + 1e-9;
-    return asked.cube() / (asked.square() + least * least) + beyond(motion.nominal.col(j), shape[0]);
+    const Eigen::ArrayXd off = (got.abs() - shape[0]) / (near * shape[0] + least);
+    return asked.cube() / (asked.square() + least * least) / (1.0 + off.square().square()) +
+           beyond(got, shape[0]);
   }
 };
 
