@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <random>
 
 #include "dynid/diagnosis/calibration.hpp"
@@ -125,6 +127,78 @@ bool worse(const GapRows& rows, const Eigen::MatrixXd& before, const Eigen::Matr
   }
   return sum > 0.0;
 }
+
+using Say = std::function<void(const char*, double)>;
+
+/// The effects that one part of the rows shows, and the part that judges them.
+struct Chosen {
+  Chosen(const GapRows& everything, const std::vector<bool>& to_fit, const std::vector<bool>& to_judge,
+         const std::vector<const Hypothesis*>& library, const DiagnoseOptions& options, const Say& say)
+      : rows(everything, to_fit), held(everything, to_judge), search(checked(), library) {
+    say("choosing effects", 0.3);
+    const double first_kappa = tuned({search.best(0.0, 1).effects}, options.tolerance);
+    model = search.best(first_kappa, options.most_effects);
+    std::vector<std::vector<Adopted>> sets = {model.effects};
+    for (std::size_t k = 0; k < model.effects.size(); ++k) {
+      sets.push_back(model.effects);
+      sets.back().erase(sets.back().begin() + static_cast<std::ptrdiff_t>(k));
+    }
+    const double kappa = tuned(sets, options.tolerance);
+    if (kappa != first_kappa) {
+      say("choosing effects again", 0.5);
+      const GapModel again = search.best(kappa, options.most_effects);
+      if (again.score > model.score) model = again;
+    }
+    keep_what_holds();
+  }
+
+  /// What was chosen leaves a gap in the rows that judge, and none where it was chosen.
+  bool left_in_held(double tolerance) const {
+    if (model.effects.empty() || left_over(rows, model.fit.residual, tolerance)) return false;
+    const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
+    return left_over(held, detail::fit_terms(held, rest, {}, tolerance).residual, tolerance);
+  }
+
+  const GapRows rows, held;
+  const Search search;
+  GapModel model;
+
+ private:
+  const GapRows& checked() const {
+    if (rows.size() < 40 || held.size() < 10)
+      throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
+                  std::to_string(held.size()) + " to judge by are too few");
+    return rows;
+  }
+
+  /// How far off the nominal parameters are is found along with the effects: an error of the model must not
+  /// be named an effect, nor an effect be taken for such an error.
+  double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const {
+    double kappa = 0.0, best = search.none(0.0).score;
+    for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
+    for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
+      if (k > 1.5 * tolerance) continue;
+      double here = search.none(k).score;
+      for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
+      if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
+    }
+    return kappa;
+  }
+
+  /// Beside an effect that does not come back, others have to hold where it is not.
+  void keep_what_holds() {
+    std::vector<Adopted> once;
+    Eigen::MatrixXd rest = held.y;
+    for (std::size_t k = 0; k < model.effects.size(); ++k) {
+      if (model.effects[k].h->once())
+        once.push_back(model.effects[k]);
+      else
+        rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+    }
+    if (!once.empty() && worse(held, held.y, rest, rows.white_floor))
+      model = search.exchanged(search.evaluate(std::move(once), model.kappa));
+  }
+};
 
 /// What each effect takes of the explained energy, averaged over the orders in which they may come (Shapley;
 /// Lindeman, Merenda and Gold 1980), of a sum of 1.
@@ -439,7 +513,6 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     alone = in_first != in_last;
     if (in_last && !in_first) std::swap(first, last);
   }
-  const GapRows rows(everything, first), held(everything, last);
   out.rms = rms(everything.y);
   out.floor = everything.white_floor;
   const std::vector<DataIssue> invalid = unusable(logs, out.logs);
@@ -458,58 +531,24 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     return out;
   }
-  if (rows.size() < 40 || held.size() < 10)
-    throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
-                std::to_string(held.size()) + " to judge by are too few");
-
   std::vector<const Hypothesis*> library;
   for (const auto& h : hypotheses())
     if (std::find(options.withhold.begin(), options.withhold.end(), h->name()) == options.withhold.end())
       library.push_back(h.get());
   library.insert(library.end(), options.extra.begin(), options.extra.end());
-  say("effects", 0.1);
-  const Search search(rows, library);
-
-  // How far off the nominal parameters are is found along with the effects: an error of the model must not
-  // be named an effect, nor an effect be taken for such an error.
-  say("choosing effects", 0.3);
-  const auto tuned = [&](const std::vector<std::vector<Adopted>>& sets) {
-    double kappa = 0.0, best = search.none(0.0).score;
-    for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
-    for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
-      if (k > 1.5 * options.tolerance) continue;
-      double here = search.none(k).score;
-      for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
-      if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
+  auto chosen = std::make_unique<Chosen>(everything, first, last, library, options, say);
+  if (several && !alone && chosen->left_in_held(options.tolerance)) {
+    // So does what shows beside other effects.
+    auto other = std::make_unique<Chosen>(everything, last, first, library, options, say);
+    if (has_window(other->model)) {
+      chosen = std::move(other);
+      std::swap(first, last);
+      alone = true;
     }
-    return kappa;
-  };
-  const double first_kappa = tuned({search.best(0.0, 1).effects});
-  GapModel model = search.best(first_kappa, options.most_effects);
-  std::vector<std::vector<Adopted>> sets = {model.effects};
-  for (std::size_t k = 0; k < model.effects.size(); ++k) {
-    sets.push_back(model.effects);
-    sets.back().erase(sets.back().begin() + static_cast<std::ptrdiff_t>(k));
   }
-  const double kappa = tuned(sets);
-  if (kappa != first_kappa) {
-    say("choosing effects again", 0.5);
-    const GapModel again = search.best(kappa, options.most_effects);
-    if (again.score > model.score) model = again;
-  }
-  if (std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); })) {
-    // Beside an effect that does not come back, others have to hold where it is not.
-    std::vector<Adopted> once_only;
-    Eigen::MatrixXd rest = held.y;
-    for (std::size_t k = 0; k < model.effects.size(); ++k) {
-      if (model.effects[k].h->once())
-        once_only.push_back(model.effects[k]);
-      else
-        rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
-    }
-    if (worse(held, held.y, rest, rows.white_floor))
-      model = search.exchanged(search.evaluate(std::move(once_only), model.kappa));
-  }
+  const GapRows &rows = chosen->rows, &held = chosen->held;
+  const Search& search = chosen->search;
+  const GapModel& model = chosen->model;
   const GapModel none = search.none(model.kappa);
   out.nominal_error = model.kappa;
 
