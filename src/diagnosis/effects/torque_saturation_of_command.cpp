@@ -9,6 +9,7 @@ namespace {
 
 constexpr double near = 0.15;  // to the limit, relatively: what the joint gets while more is asked for
 constexpr double doubt = 6.0;  // standard deviations of its noise that a torque has to be beyond the limit
+constexpr double clear = 5.0;  // times that: of a lower limit all torques are near
 
 Eigen::ArrayXd beyond(const Eigen::ArrayXd& tau, double limit) { return tau - tau.max(-limit).min(limit); }
 
@@ -37,6 +38,7 @@ class TorqueSaturationOfCommand : public OwnTorque {
     // limit meanwhile, and never beyond.
     const Eigen::ArrayXd asked = beyond(motion.tau.col(j), shape[0]), got = motion.nominal.col(j).array();
     const double least = doubt * noise_of(motion.tau.col(j)) + 1e-9;
+    if (shape[0] < clear * least) return Eigen::ArrayXd::Zero(asked.size());
     const Eigen::ArrayXd off = (got.abs() - shape[0]) / (near * shape[0] + least);
     return asked.cube() / (asked.square() + least * least) / (1.0 + off.square().square()) +
            beyond(got, shape[0]);
