@@ -32,9 +32,12 @@ using detail::UnitShape;
 namespace {
 
 constexpr double floor_room = 3.0;                               // coloured noise in parts of the white floor
-constexpr double least_explained = 0.65, fully_explained = 0.9;  // parts of the gap's energy
+constexpr double fully_explained = 0.9;                          // part of the gap's energy
 constexpr double detection = 0.05;                               // p-value of a gap
 constexpr double block_seconds = 1.0;                            // of held-out blocks and of the bootstrap
+
+/// Part of the gap's energy that so many effects have to explain: several together can imitate much.
+double least_explained(std::size_t effects) { return 1.0 - 0.35 / double(effects); }
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
   return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
@@ -593,7 +596,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       out.verdict = Verdict::unexplained;
     else
       out.verdict = out.p_value <= detection ? Verdict::not_detected : Verdict::no_gap;
-  } else if (out.explained < least_explained) {
+  } else if (out.explained < least_explained(model.effects.size())) {
     out.verdict = unexplained(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
   } else {
     out.verdict = unexplained(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
