@@ -31,10 +31,10 @@ using detail::UnitShape;
 
 namespace {
 
-constexpr double floor_room = 3.0;                               // coloured noise in parts of the white floor
-constexpr double fully_explained = 0.9;                          // part of the gap's energy
-constexpr double detection = 0.05;                               // p-value of a gap
-constexpr double block_seconds = 1.0;                            // of held-out blocks and of the bootstrap
+constexpr double floor_room = 3.0;       // coloured noise in parts of the white floor
+constexpr double fully_explained = 0.9;  // part of the gap's energy
+constexpr double detection = 0.05;       // p-value of a gap
+constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
 /// Part of the gap's energy that so many effects have to explain: several together can imitate much.
 double least_explained(std::size_t effects) { return 1.0 - 0.35 / double(effects); }
@@ -507,8 +507,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     first = alternate(everything, false, block_seconds, guard);
     last = alternate(everything, true, block_seconds, guard);
   }
-  // What shows in one log alone (a contact, a limit that the others never meet) is sought there, judged within
-  // it, and must do no harm to the others.
+  // What shows in one log alone (a contact, a limit that the others never meet) is sought there, judged
+  // within it, and must do no harm to the others.
   bool alone = false;
   if (several) {
     const bool in_first = has_gap(everything, first, options.tolerance),
@@ -599,8 +599,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   } else if (out.explained < least_explained(model.effects.size())) {
     out.verdict = unexplained(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
   } else {
-    out.verdict = unexplained(model.fit.residual) && out.explained < fully_explained ? Verdict::partly_explained
-                                                                                   : Verdict::explained;
+    out.verdict = unexplained(model.fit.residual) && out.explained < fully_explained
+                      ? Verdict::partly_explained
+                      : Verdict::explained;
   }
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = search.smallest_visible(none);

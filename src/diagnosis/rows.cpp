@@ -121,8 +121,8 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
   for (const Stretch& stretch : *stretches_) {
     const Eigen::Index begin = end;
     end += stretch.count;
-    used_.push_back(std::any_of(kept_.begin(), kept_.end(),
-                                [&](Eigen::Index i) { return i >= begin && i < end; }));
+    used_.push_back(
+        std::any_of(kept_.begin(), kept_.end(), [&](Eigen::Index i) { return i >= begin && i < end; }));
   }
   y = other.y(rows, Eigen::all);
   q = other.q(rows, Eigen::all);

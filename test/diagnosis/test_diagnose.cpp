@@ -156,15 +156,14 @@ TEST_P(DiagnosesOtherForm, NamesTheEffect) {
   EXPECT_NEAR(value(d.effects[0], k.key, k.index), k.truth, k.tolerance * std::abs(k.truth));
   EXPECT_GT(d.shrink.fraction, 0.9);
 }
-INSTANTIATE_TEST_SUITE_P(
-    Plant, DiagnosesOtherForm,
-    testing::Values(Known{"time_delay:joints=2+4,channel_delay_s=0.015", "time_delay", "channel_delay_s", 3,
-                          0.015, 0.1},
-                    Known{"torque_saturation:joints=1,command_limit=13", "torque_saturation",
-                          "command_limit", 0, 13.0, 0.05},
-                    Known{"joint_elasticity:joints=6,stiffness=80,motor_inertia=0.02", "joint_elasticity",
-                          "stiffness", 5, 80.0, 0.1}),
-    [](const auto& known) { return std::string(known.param.name); });
+INSTANTIATE_TEST_SUITE_P(Plant, DiagnosesOtherForm,
+                         testing::Values(Known{"time_delay:joints=2+4,channel_delay_s=0.015", "time_delay",
+                                               "channel_delay_s", 3, 0.015, 0.1},
+                                         Known{"torque_saturation:joints=1,command_limit=13",
+                                               "torque_saturation", "command_limit", 0, 13.0, 0.05},
+                                         Known{"joint_elasticity:joints=6,stiffness=80,motor_inertia=0.02",
+                                               "joint_elasticity", "stiffness", 5, 80.0, 0.1}),
+                         [](const auto& known) { return std::string(known.param.name); });
 
 TEST(Diagnose, PayloadHasItsMassAndCentre) {
   const Robot robot = panda();
@@ -196,8 +195,8 @@ TEST(Diagnose, ContactActsOnAPointOfItsLink) {
   const Robot robot = panda();
   const Diagnosis d = diagnose(
       robot,
-      recorded(robot,
-               {"external_contact:link=6,force=15:-12:-15,point=0.08:0.05:-0.04,start=4,duration=1.5"}, 8));
+      recorded(robot, {"external_contact:link=6,force=15:-12:-15,point=0.08:0.05:-0.04,start=4,duration=1.5"},
+               8));
   ASSERT_FALSE(d.effects.empty());
   EXPECT_EQ(value(d.effects[0], "link"), 6.0);
   const double force[] = {15.0, -12.0, -15.0}, point[] = {0.08, 0.05, -0.04};

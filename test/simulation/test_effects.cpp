@@ -295,7 +295,8 @@ TEST(Effects, ALimitedDriveIsSeenByItsCommand) {
   const SimulatedRun free = simulate(robot, {}, motion());
   const double limit = 0.8 * free.tau.col(0).cwiseAbs().maxCoeff();
   const SimulatedRun run = simulate(
-      robot, {parse_effect("torque_saturation:joints=1,command_limit=" + std::to_string(limit), robot)}, motion());
+      robot, {parse_effect("torque_saturation:joints=1,command_limit=" + std::to_string(limit), robot)},
+      motion());
   EXPECT_LT(run.tau.col(0).cwiseAbs().maxCoeff(), limit + 1e-6);
   EXPECT_GT(run.seen_tau.col(0).cwiseAbs().maxCoeff(), 1.05 * limit);
   EXPECT_EQ(run.tau.rightCols(6), run.seen_tau.rightCols(6));

@@ -16,12 +16,9 @@ class ExternalContact : public Hypothesis {
   Scope scope() const override { return Scope::window; }
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"start", "s", 0.0, 1e9, 1, false},
-            {"duration", "s", 0.1, 1e9, 1, false},
-            {"rise_time", "s", 0.005, 0.3, 1, true},
-            {"x", "m", -farthest, farthest, 1, false},
-            {"y", "m", -farthest, farthest, 1, false},
-            {"z", "m", -farthest, farthest, 1, false}};
+    return {{"start", "s", 0.0, 1e9, 1, false},        {"duration", "s", 0.1, 1e9, 1, false},
+            {"rise_time", "s", 0.005, 0.3, 1, true},   {"x", "m", -farthest, farthest, 1, false},
+            {"y", "m", -farthest, farthest, 1, false}, {"z", "m", -farthest, farthest, 1, false}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     ColumnBlock block;
@@ -30,7 +27,8 @@ class ExternalContact : public Hypothesis {
     const Eigen::ArrayXd inside = (since.min(until) / rise).max(0.0).min(1.0);
     for (int j = 0; j <= unit; ++j) {
       block.channels.push_back(j);
-      block.values.push_back(-(motion.force_columns(unit, shape.tail<3>(), j).array().colwise() * inside).matrix());
+      block.values.push_back(
+          -(motion.force_columns(unit, shape.tail<3>(), j).array().colwise() * inside).matrix());
     }
     return block;
   }

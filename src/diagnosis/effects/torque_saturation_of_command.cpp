@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Saturation in its other form: the log has the torque that was asked for, the joint got no more than +-limit.
+// Saturation in its other form: the log has the torque that was asked for, the joint got no more than
+// +-limit.
 #include <cmath>
 
 #include "effects.hpp"
@@ -27,7 +28,9 @@ class TorqueSaturationOfCommand : public OwnTorque {
  public:
   TorqueSaturationOfCommand() : OwnTorque("torque_saturation", {}) {}
   std::string form() const override { return "command_limit"; }
-  std::vector<ShapeParameter> shape() const override { return {{"command_limit", "N m", 0.3, 120.0, 24, true}}; }
+  std::vector<ShapeParameter> shape() const override {
+    return {{"command_limit", "N m", 0.3, 120.0, 24, true}};
+  }
   bool shape_only() const override { return true; }
   double prior() const override { return 0.4; }
 
