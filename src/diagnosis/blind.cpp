@@ -265,6 +265,10 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
   const auto has = [](const std::vector<int>& joints, int joint) {
     return std::find(joints.begin(), joints.end(), joint) != joints.end();
   };
+  const auto link = first.effect.parameters.find("link"), true_link = e.parameters.find("link");
+  if (link != first.effect.parameters.end() && true_link != e.parameters.end() &&
+      link->second != true_link->second)
+    return out;  // what belongs to another link is in another frame
   for (const Estimate& p : first.parameters) {
     const auto found = e.parameters.find(p.key);
     if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))

@@ -38,6 +38,7 @@ constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootst
 
 /// Part of the gap's energy that so many effects have to explain: several together can imitate much.
 double least_explained(std::size_t effects) { return 1.0 - 0.35 / double(effects); }
+constexpr double least_of_fewer = 0.75;  // by one effect, when it is what is left of several
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
   return (x.colwise().squaredNorm() / double(std::max<Eigen::Index>(1, x.rows()))).cwiseSqrt().transpose();
@@ -82,6 +83,11 @@ detail::Fit fit_of(const GapRows& rows, const std::vector<Adopted>& effects, dou
 bool has_window(const GapModel& model) {
   return std::any_of(model.effects.begin(), model.effects.end(),
                      [](const Adopted& e) { return e.h->scope() == Scope::window; });
+}
+
+bool has_once(const GapModel& model) {
+  return std::any_of(model.effects.begin(), model.effects.end(),
+                     [](const Adopted& e) { return e.h->once(); });
 }
 
 /// Rows in every other block of `seconds`, with a guard of `guard` rows before each change.
@@ -551,7 +557,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   }
   const GapRows &rows = chosen->rows, &held = chosen->held;
   const Search& search = chosen->search;
-  const GapModel& model = chosen->model;
+  GapModel& model = chosen->model;
   const GapModel none = search.none(model.kappa);
   out.nominal_error = model.kappa;
 
@@ -570,27 +576,45 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   const auto unexplained = [&](const Eigen::MatrixXd& residual) {
     return left_over(rows, residual, model.kappa > 0.0 ? options.tolerance : 0.0);
   };
-  const auto explained = [&](const GapRows& of, const Eigen::MatrixXd& residual) {
+  const auto taken = [&](const GapRows& of, const Eigen::MatrixXd& residual) {
     return std::clamp(shrink_fraction(of.y, residual, noise), 0.0, 1.0);
   };
-  const bool windowed = has_window(model), within = windowed || (alone && !model.effects.empty());
-  out.explained = model.effects.empty() ? 0.0 : explained(rows, model.fit.residual);
-  if (within) out.shrink = shrink_within(rows, model, noise, options.seed);
-  const bool once =
-      std::any_of(model.effects.begin(), model.effects.end(), [](const Adopted& e) { return e.h->once(); });
-  if (!model.effects.empty() && !once) {
-    // What was found has to hold where it was not found.
-    const auto left = [&](const Eigen::MatrixXd& y) -> Eigen::MatrixXd {
-      return detail::fit_terms(held, y, {}, model.kappa).residual;
-    };
-    const Eigen::MatrixXd rest = left(held.y - contribution(held, model, model.fit.theta));
-    if (!alone)
-      out.explained = std::min(out.explained, explained(held, rest));
-    else if (worse(held, left(held.y), rest, noise))
-      out.explained = 0.0;
+  const auto explained = [&](const GapModel& m, Shrink& shrink) {
+    if (m.effects.empty()) return 0.0;
+    double least = taken(rows, m.fit.residual);
+    const bool window = has_window(m);
+    if (window || alone) shrink = shrink_within(rows, m, noise, options.seed);
+    if (!has_once(m)) {
+      // What was found has to hold where it was not found.
+      const auto left = [&](const Eigen::MatrixXd& y) -> Eigen::MatrixXd {
+        return detail::fit_terms(held, y, {}, m.kappa).residual;
+      };
+      const Eigen::MatrixXd rest = left(held.y - contribution(held, m, m.fit.theta));
+      if (!alone)
+        least = std::min(least, taken(held, rest));
+      else if (worse(held, left(held.y), rest, noise))
+        least = 0.0;
+    }
+    if ((window && m.effects.size() == 1) || alone)  // a window of anything fits
+      least = std::min(least, std::max(0.0, shrink.fraction));
+    return least;
+  };
+  out.explained = explained(model, out.shrink);
+  std::vector<double> shares = shapley_shares(search, model, noise);
+  while (model.effects.size() > 1 && out.explained < least_explained(model.effects.size())) {
+    // Too little for so many: perhaps enough for fewer.
+    std::vector<Adopted> fewer = model.effects;
+    fewer.erase(fewer.begin() + (std::min_element(shares.begin(), shares.end()) - shares.begin()));
+    GapModel smaller = search.evaluate(std::move(fewer), model.kappa);
+    Shrink shrink;
+    const double here = explained(smaller, shrink);
+    if (smaller.effects.size() == 1 && here < least_of_fewer) break;
+    model = std::move(smaller);
+    out.explained = here;
+    out.shrink = std::move(shrink);
+    shares = shapley_shares(search, model, noise);
   }
-  if ((windowed && model.effects.size() == 1) || (alone && !model.effects.empty()))
-    out.explained = std::min(out.explained, std::max(0.0, out.shrink.fraction));  // a window of anything fits
+  const bool windowed = has_window(model), within = windowed || (alone && !model.effects.empty());
   if (model.effects.empty()) {
     if (unexplained(model.fit.residual))
       out.verdict = Verdict::unexplained;
@@ -612,7 +636,6 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   // Which effect could stand in the place of each.
   say("alternatives", 0.8);
   const bool adopt = out.verdict == Verdict::explained || out.verdict == Verdict::partly_explained;
-  const std::vector<double> shares = shapley_shares(search, model, noise);
   std::vector<std::size_t> order(model.effects.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   std::stable_sort(order.begin(), order.end(),
