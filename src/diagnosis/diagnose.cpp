@@ -547,7 +547,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   library.insert(library.end(), options.extra.begin(), options.extra.end());
   auto chosen = std::make_unique<Chosen>(everything, first, last, library, options, say);
   if (several && !alone && chosen->left_in_held(options.tolerance)) {
-    // So does what shows beside other effects.
+    // And so is what the last log alone has beside the effects of all.
     auto other = std::make_unique<Chosen>(everything, last, first, library, options, say);
     if (has_window(other->model)) {
       chosen = std::move(other);
