@@ -278,14 +278,20 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
   return shrink;
 }
 
+constexpr double within_seconds = 0.4;
+
 /// A contact does not come again: its window is fitted in every other block and judged in those between.
-Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
-                     unsigned seed) {
-  constexpr double seconds = 0.4;
-  const GapRows odd(rows, alternate(rows, true, seconds, 1)), even(rows, alternate(rows, false, seconds, 1));
+GapModel fitted_within(const GapRows& rows, const GapModel& model) {
+  const GapRows odd(rows, alternate(rows, true, within_seconds, 1));
   GapModel part = model;
   part.effects = carried(odd, model.effects);
   part.fit = fit_of(odd, part.effects, model.kappa);
+  return part;
+}
+Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
+                     unsigned seed) {
+  const GapRows even(rows, alternate(rows, false, within_seconds, 1));
+  const GapModel part = fitted_within(rows, model);
   return shrink_of(even, even.y - contribution(even, part, part.fit.theta), floor, seed);
 }
 
@@ -403,8 +409,10 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
       std::sort(x.data(), x.data() + x.size());
       const double value = estimate.value[i], below = std::max(0.0, value - x[draws / 20]),
                    above = std::max(0.0, x[draws - 1 - draws / 20] - value);
+      const bool name = best.keys[k] == "link";  // not a number
       const double form =
-          calibration().form_error_of(e.h->name(), best.keys[k]) * Calibration::scale(estimate, i);
+          name ? 0.0
+               : calibration().form_error_of(e.h->name(), best.keys[k]) * Calibration::scale(estimate, i);
       estimate.low[i] = value - std::hypot(below, form);
       estimate.high[i] = value + std::hypot(above, form);
     }
@@ -688,8 +696,15 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     out.shrink = shrink_of(held, rest, noise, options.seed);
   }
   out.series = {everything.log, everything.t, everything.y, everything.y, last};
+  Eigen::VectorXd theta = model.fit.theta;
+  if (adopt && within && several) {  // judged where it shows
+    theta = fitted_within(rows, model).fit.theta;
+    out.series.held_out = alternate(everything, false, within_seconds, 1);
+    for (std::size_t i = 0; i < first.size(); ++i)
+      out.series.held_out[i] = out.series.held_out[i] && first[i];
+  }
   for (std::size_t k = 0; adopt && k < model.effects.size(); ++k) {
-    Eigen::MatrixXd part = contribution(everything, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+    Eigen::MatrixXd part = contribution(everything, model, theta, static_cast<std::ptrdiff_t>(k));
     if (several && model.effects[k].h->scope() == Scope::window)  // a window is of the logs it was found in
       for (std::size_t i = 0; i < last.size(); ++i)
         if (last[i]) part.row(static_cast<Eigen::Index>(i)).setZero();

@@ -631,19 +631,26 @@ class Page {
             "report.</p>\n";
   }
 
+  /// One of several logs only judges; else parts of one do.
+  bool whole_log_held() const {
+    for (std::size_t i = 0; i < d_.series.held_out.size(); ++i)
+      if (d_.series.log[i] == held_log_ && !d_.series.held_out[i]) return false;
+    return d_.logs.size() > 1;
+  }
+
   void residual() {
     open("residual", "The gap over time, before and after");
     if (d_.series.t.size() == 0) {
       out_ << "<p class=\"note\">No rows.</p></section>\n";
       return;
     }
-    const bool whole = d_.logs.size() > 1;
+    const bool whole = whole_log_held();
     out_ << "<p class=\"note\">Measured less modelled torque, below " << number(d_.cutoff)
          << " Hz, of the joints where it is "
          << "largest against their noise"
          << (whole ? ", in the log that took no part in choosing or fitting (" +
                          escaped(file_names()[static_cast<std::size_t>(held_log_)]) + ")"
-                   : std::string(". The shaded seconds took no part in choosing or fitting"))
+                   : std::string(". What is shaded took no part in choosing or fitting"))
          << ".</p>\n";
     legend(false);
     std::ostringstream plots;
@@ -762,9 +769,10 @@ class Page {
       out_ << "<h3>" << escaped(l < context_.logs.size() ? file_names()[l] : d_.logs[l].source)
            << "</h3><p class=\"note\">" << report.samples << " samples at " << number(report.rate_hz)
            << " Hz, " << number(report.duration) << " s, looked at below " << number(d_.cutoff) << " Hz"
-           << (d_.logs.size() > 1
-                   ? static_cast<int>(l) == held_log_ ? "; it judges only" : "; it chooses and fits"
-                   : "")
+           << (d_.logs.size() < 2  ? ""
+               : !whole_log_held() ? static_cast<int>(l) == held_log_ ? "; the gap is in this one" : ""
+               : static_cast<int>(l) == held_log_ ? "; it judges only"
+                                                  : "; it chooses and fits")
            << ".</p>\n";
       if (report.issues.empty()) {
         out_ << "<p>No issue found.</p>\n";
