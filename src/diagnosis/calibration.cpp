@@ -27,6 +27,14 @@ double quantile(std::vector<double> x, double part) {
   return x[std::min(x.size() - 1, static_cast<std::size_t>(part * double(x.size())))];
 }
 
+/// What a further value is below with probability `part`, by the ranks of those seen; `otherwise`, or the
+/// largest where that is more, where they are too few to tell (Vovk, Gammerman and Shafer 2005).
+double next_quantile(std::vector<double> x, double part, double otherwise) {
+  std::sort(x.begin(), x.end());
+  const auto rank = static_cast<std::size_t>(std::ceil(part * double(x.size() + 1)));
+  return rank <= x.size() ? x[rank - 1] : std::max(x.back(), otherwise);
+}
+
 /// One parameter's error, and half its interval before any factor.
 struct Error90 {
   std::string parameter;  // "effect.parameter"
@@ -131,9 +139,10 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
     form[e.parameter].push_back(rest);
     all.push_back(rest);
   }
-  if (!all.empty()) best.form_error = quantile(all, interval);
+  if (!all.empty()) best.form_error = next_quantile(all, interval, 0.0);
   for (const auto& [parameter, rest] : form)
-    if (rest.size() >= least_values) best.form_errors[parameter] = quantile(rest, interval);
+    if (rest.size() >= least_values)
+      best.form_errors[parameter] = next_quantile(rest, interval, best.form_error);
   return best;
 }
 
