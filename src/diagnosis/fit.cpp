@@ -113,31 +113,31 @@ struct Assembled {
   Eigen::MatrixXd y;
   std::vector<Eigen::MatrixXd> columns;
   std::vector<std::vector<Eigen::Index>> where;
+  std::vector<Term> free;
   Eigen::Index size = 0;
 };
 
 Assembled assemble(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms) {
   const auto n = static_cast<std::size_t>(rows.joints());
-  Assembled out{y, std::vector<Eigen::MatrixXd>(n), std::vector<std::vector<Eigen::Index>>(n), 0};
-  std::vector<const RowBlock*> free;
+  Assembled out{y, std::vector<Eigen::MatrixXd>(n), std::vector<std::vector<Eigen::Index>>(n), {}, 0};
   for (const Term& term : terms) {
-    if (term.fixed) {
+    if (term.fixed()) {
       for (std::size_t k = 0; k < term.block->channels.size(); ++k)
         out.y.col(term.block->channels[k]) -= term.block->values[k].rowwise().sum();
     } else {
-      free.push_back(term.block);
+      out.free.push_back(term);
       out.size += term.block->size();
     }
   }
   for (std::size_t j = 0; j < n; ++j) {
     Eigen::Index offset = 0;
     std::vector<const Eigen::MatrixXd*> mine;
-    for (const RowBlock* block : free) {
-      if (const Eigen::MatrixXd* values = block->find(static_cast<int>(j))) {
+    for (const Term& term : out.free) {
+      if (const Eigen::MatrixXd* values = term.block->find(static_cast<int>(j))) {
         mine.push_back(values);
         for (Eigen::Index k = 0; k < values->cols(); ++k) out.where[j].push_back(offset + k);
       }
-      offset += block->size();
+      offset += term.block->size();
     }
     out.columns[j].resize(rows.size(), static_cast<Eigen::Index>(out.where[j].size()));
     Eigen::Index column = 0;
@@ -147,6 +147,29 @@ Assembled assemble(const GapRows& rows, const Eigen::MatrixXd& y, const std::vec
     }
   }
   return out;
+}
+
+/// Coefficients that no such effect can have give way to the nearest that it can, the others following.
+void keep_possible(const Assembled& all, const Eigen::MatrixXd& G, const Eigen::VectorXd& h,
+                   Eigen::VectorXd& theta) {
+  Eigen::Index at = 0;
+  for (const Term& term : all.free) {
+    const Eigen::Index p = term.block->size(), rest = all.size - p;
+    const Eigen::VectorXd mine = theta.segment(at, p);
+    std::vector<Eigen::Index> others, own;
+    for (Eigen::Index k = 0; k < all.size; ++k) (k < at || k >= at + p ? others : own).push_back(k);
+    at += p;
+    if (term.of == nullptr || term.of->possible(mine)) continue;
+    Eigen::MatrixXd information = G(own, own);
+    if (rest > 0) {
+      Eigen::MatrixXd A = G(others, others);
+      A.diagonal() *= 1.0 + 1e-10;
+      information -= G(own, others) * A.ldlt().solve(G(others, own));
+    }
+    const Eigen::VectorXd nearest = term.of->nearest_possible(mine, information);
+    theta(own) = nearest;
+    if (rest > 0) theta(others) = solve(G(others, others), h(others) - G(others, own) * nearest, nullptr);
+  }
 }
 
 /// One step of all joints together.
@@ -163,6 +186,7 @@ void step(const GapRows& rows, const Assembled& all, double kappa, const std::ve
     G(where, where) += normals.back().G;
   }
   fit.theta = solve(G, h, nullptr);
+  keep_possible(all, G, h, fit.theta);
   fit.left.resize(rows.size(), rows.joints());
   fit.residual.resize(rows.size(), rows.joints());
   fit.noise.resize(n);

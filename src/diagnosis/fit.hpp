@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "dynid/diagnosis/hypothesis.hpp"
 #include "rows.hpp"
 
 namespace dynid::detail {
@@ -18,7 +19,8 @@ struct ChannelNoise {
 /// Columns that take part in a fit.
 struct Term {
   const RowBlock* block;
-  bool fixed = false;  ///< its coefficients are 1
+  const Hypothesis* of = nullptr;                                   ///< says which coefficients can be
+  bool fixed() const { return of != nullptr && of->shape_only(); }  ///< its coefficients are 1
 };
 
 /// A fit by generalised least squares with autoregressive errors found along with it, the nominal model's

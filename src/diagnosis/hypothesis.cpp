@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/hypothesis.hpp"
 
+#include <algorithm>
 #include <numeric>
 
 #include "dynid/error.hpp"
@@ -8,12 +9,26 @@
 
 namespace dynid {
 
+std::pair<int, int> pair_of(int n, int unit) {
+  const bool neighbours = unit < n - 1;
+  const int first = neighbours ? unit : unit - (n - 1);
+  return {first, first + (neighbours ? 1 : 2)};
+}
+
+int Hypothesis::units(const Robot& robot) const {
+  const int n = robot.size();
+  if (scope() == Scope::arm) return 1;
+  return scope() == Scope::pair ? std::max(0, n - 1) + std::max(0, n - 2) : n;
+}
+
 std::vector<int> Hypothesis::joints(const Robot& robot, int unit) const {
   switch (scope()) {
     case Scope::joint:
       return {unit + 1};
-    case Scope::pair:
-      return {unit + 1, unit + 2};
+    case Scope::pair: {
+      const auto [first, second] = pair_of(robot.size(), unit);
+      return {first + 1, second + 1};
+    }
     case Scope::link:
       return {unit + 1};
     case Scope::window: {

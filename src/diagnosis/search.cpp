@@ -15,8 +15,9 @@ namespace {
 
 constexpr double joint_gain = 6.0;    // log evidence that a further joint of an effect has to bring
 constexpr double effect_gain = 10.0;  // and a further effect
-constexpr double least_part = 0.04;   // of a joint's gap (energy) that a further effect has to explain
-
+// Of a joint's gap (energy) that a further effect has to explain: what is left of it is also what the forms
+// of its effects are not exact in.
+constexpr double least_part = 0.04, least_part_of_exact = 0.001;
 constexpr double least_gain = 0.25;  // and of the energy of what is left of that joint's
 
 std::vector<Eigen::VectorXd> grid_of(const std::vector<ShapeParameter>& shape) {
@@ -65,11 +66,68 @@ std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
   return points;
 }
 
+/// A window's shape with its linear parameters at `place`, in parts of their highest values.
+Eigen::VectorXd placed(const Hypothesis& h, Eigen::VectorXd shape, const Eigen::VectorXd& place) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  Eigen::Index k = 0;
+  for (std::size_t s = 2; s < parameters.size(); ++s)
+    if (!parameters[s].logarithmic) shape[static_cast<Eigen::Index>(s)] = place[k++] * parameters[s].high;
+  return shape;
+}
+
+/// What coefficients c and a place s (-1 to 1 each) gain together, the columns being those of c and, for each
+/// coordinate of the place, those of c again: (1, s) x c by turns. `normal`: their normal equations [G | h].
+struct BilinearGain {
+  double gain = 0.0;
+  Eigen::VectorXd place;
+};
+BilinearGain bilinear_gain(const Eigen::MatrixXd& normal, Eigen::Index coefficients) {
+  constexpr int turns = 40;
+  const Eigen::Index p = normal.rows(), places = p / coefficients - 1;
+  Eigen::MatrixXd G = normal.leftCols(p);
+  G.diagonal().array() += 1e-9 * G.trace() + 1e-12;
+  const Eigen::VectorXd h = normal.col(p);
+  BilinearGain out{0.0, Eigen::VectorXd::Zero(places)};
+  for (int k = 0; k < turns; ++k) {
+    Eigen::MatrixXd by(p, coefficients);
+    by.topRows(coefficients).setIdentity();
+    for (Eigen::Index i = 0; i < places; ++i)
+      by.middleRows((i + 1) * coefficients, coefficients) =
+          out.place[i] * Eigen::MatrixXd::Identity(coefficients, coefficients);
+    const Eigen::VectorXd c = (by.transpose() * G * by).ldlt().solve(by.transpose() * h);
+    out.gain = 0.5 * c.dot(by.transpose() * h);
+    if (places == 0) break;
+    Eigen::VectorXd fixed = Eigen::VectorXd::Zero(p);
+    fixed.head(coefficients) = c;
+    Eigen::MatrixXd free = Eigen::MatrixXd::Zero(p, places);
+    for (Eigen::Index i = 0; i < places; ++i) free.col(i).segment((i + 1) * coefficients, coefficients) = c;
+    Eigen::MatrixXd A = free.transpose() * G * free;
+    A.diagonal().array() += 1e-6 * A.trace() + 1e-12;  // along the force nothing tells the place
+    out.place = A.ldlt().solve(free.transpose() * (h - G * fixed)).cwiseMax(-1.0).cwiseMin(1.0);
+  }
+  return out;
+}
+
 std::vector<Term> terms_of(const std::vector<Adopted>& effects) {
   std::vector<Term> terms;
   for (const Adopted& e : effects)
-    for (const UnitShape& u : e.units) terms.push_back({u.block.get(), e.h->shape_only()});
+    for (const UnitShape& u : e.units) terms.push_back({u.block.get(), e.h});
   return terms;
+}
+
+/// The lower half of the band: binomial weights of nine rows, within each part.
+Eigen::MatrixXd lower_half(const GapRows& rows, const Eigen::MatrixXd& x) {
+  Eigen::MatrixXd y = x;
+  for (int pass = 0; pass < 4; ++pass) {
+    const Eigen::MatrixXd before = y;
+    for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
+      const Eigen::Index first = rows.parts[p], last = rows.parts[p + 1] - 1;
+      for (Eigen::Index i = first; i <= last; ++i)
+        y.row(i) = 0.25 * before.row(std::max(first, i - 1)) + 0.5 * before.row(i) +
+                   0.25 * before.row(std::min(last, i + 1));
+    }
+  }
+  return y;
 }
 
 Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right) {
@@ -194,7 +252,7 @@ double Search::own_gain(const Hypothesis& h, const RowBlock& block, const Channe
 
 double Search::coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const {
   std::vector<Term> terms = terms_of(base.model.effects);
-  terms.push_back({&block, h.shape_only()});
+  terms.push_back({&block, &h});
   return fit_terms(rows_, rows_.y, terms, base.model.kappa, base.by).total - base.model.fit.total;
 }
 
@@ -316,7 +374,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
       std::vector<Term> terms = terms_of(model.effects);
       double sum = 0.0;
       for (const UnitShape& u : units) {
-        terms.push_back({u.block.get(), h.shape_only()});
+        terms.push_back({u.block.get(), &h});
         sum -= price(h, u);
       }
       return sum + fit_terms(rows_, rows_.y, terms, model.kappa, base.by).total - model.fit.total;
@@ -341,7 +399,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
   }
   for (bool plausible = h.shape_only(); !plausible && !effect.units.empty();) {
     std::vector<Term> terms = terms_of(model.effects);
-    for (const UnitShape& u : effect.units) terms.push_back({u.block.get(), false});
+    for (const UnitShape& u : effect.units) terms.push_back({u.block.get(), &h});
     const Fit fit = fit_terms(rows_, rows_.y, terms, model.kappa);
     Eigen::Index at = fit.theta.size() - effect.coefficients();
     plausible = true;
@@ -357,7 +415,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
     effect.units = std::move(kept);
     if (!plausible && !effect.units.empty()) {
       std::vector<Term> fewer = terms_of(model.effects);
-      for (const UnitShape& u : effect.units) fewer.push_back({u.block.get(), false});
+      for (const UnitShape& u : effect.units) fewer.push_back({u.block.get(), &h});
       effect.gain = fit_terms(rows_, rows_.y, fewer, model.kappa, base.by).total - model.fit.total;
       for (const UnitShape& u : effect.units) effect.gain -= price(h, u);
     }
@@ -445,16 +503,18 @@ GapModel Search::reassigned(const GapModel& model) const {
 
 Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base& beginning) const {
   const GapModel& base = beginning.model;
-  // Scan: gain of a window for each link by prefix sums of its normal equations, rows taken as independent.
+  // Scan: gain of a window for each link by prefix sums of its normal equations, rows taken as independent,
+  // every column free; the links are then compared by what one point of each can do in its best window.
   const Eigen::Index size = rows_.size(), longest = size * 2 / 5;  // what lasts longer is no window
   double most = 0.0;
   int link = -1;
   Eigen::Index from = 0, to = 0;
+  Eigen::VectorXd point;
   for (std::size_t u = 0; u < grid.size(); ++u) {
     RowBlock block = *grid[u][0].block;
     for (std::size_t k = 1; k < grid[u].size(); ++k)
       for (std::size_t c = 0; c < block.channels.size(); ++c)
-        block.values[c] = beside(block.values[c], grid[u][k].block->values[c]);
+        block.values[c] = beside(block.values[c], grid[u][k].block->values[c] - grid[u][0].block->values[c]);
     const Eigen::Index p = block.size();
     std::vector<Eigen::MatrixXd> sum(static_cast<std::size_t>(size) + 1, Eigen::MatrixXd::Zero(p, p + 1));
     for (Eigen::Index i = 0; i < size; ++i) {
@@ -468,6 +528,8 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
         next.col(p) += w * base.fit.left(i, j) * row;
       }
     }
+    double here = 0.0;
+    Eigen::Index begin = 0, end = 0;
     for (std::size_t part = 0; part + 1 < rows_.parts.size(); ++part) {
       const Eigen::Index first = rows_.parts[part], last = rows_.parts[part + 1];
       for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, longest);
@@ -478,16 +540,21 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
           Eigen::MatrixXd G = d.leftCols(p);
           G.diagonal().array() += 1e-6 * G.trace() + 1e-12;
           const double gain = 0.5 * d.col(p).dot(G.llt().solve(d.col(p)));
-          if (gain > most) most = gain, link = static_cast<int>(u), from = i, to = i + length - 1;
+          if (gain > here) here = gain, begin = i, end = i + length;
         }
       }
     }
+    if (here <= most) continue;  // free columns do at least as much as those of a point
+    const BilinearGain bilinear = bilinear_gain(
+        sum[static_cast<std::size_t>(end)] - sum[static_cast<std::size_t>(begin)], grid[u][0].block->size());
+    if (bilinear.gain > most)
+      most = bilinear.gain, link = static_cast<int>(u), from = begin, to = end - 1, point = bilinear.place;
   }
   Adopted effect{&h, {}, 0.0};
   if (link < 0) return effect;
   const std::vector<ShapeParameter> shape = h.shape();
   const auto value = [&](const RowBlock& block) { return coupled_gain(h, block, beginning); };
-  UnitShape best = made(h, link, window_shape(h, rows_.t[from], rows_.t[to]));
+  UnitShape best = made(h, link, placed(h, window_shape(h, rows_.t[from], rows_.t[to]), point));
   double gain = value(*best.block);
   const auto improve_all = [&](Eigen::Index first, double row) {
     for (Eigen::Index s = first; s < best.shape.size(); ++s) {
@@ -572,7 +639,7 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
     x.col(0) = scale[j] * gap.col(j);
     for (Eigen::Index k = 0; k < count; ++k)
       x.col(k + 1) = scale[j] * surrogates[static_cast<std::size_t>(k)].col(j);
-    signals.push_back(std::move(x));
+    signals.push_back(lower_half(rows_, x));
   }
   std::vector<const RowBlock*> blocks;
   for (const Grid& grid : grids_)
@@ -585,7 +652,7 @@ double Search::p_value(const Eigen::MatrixXd& gap, const std::vector<Eigen::Matr
     Eigen::MatrixXd G = Eigen::MatrixXd::Zero(p, p), h = Eigen::MatrixXd::Zero(p, count + 1);
     for (std::size_t c = 0; c < block.channels.size(); ++c) {
       const auto j = static_cast<std::size_t>(block.channels[c]);
-      const Eigen::MatrixXd columns = scale[block.channels[c]] * block.values[c];
+      const Eigen::MatrixXd columns = scale[block.channels[c]] * lower_half(rows_, block.values[c]);
       G.noalias() += columns.transpose() * columns;
       h.noalias() += columns.transpose() * signals[j];
     }
@@ -649,14 +716,18 @@ GapModel Search::best(double kappa, int most) const {
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
     if (next.empty() || next[0].score < model.score + effect_gain) break;
-    // A further effect has to matter beside those before it, on one joint at least: what is left of a joint's
-    // gap is also what its effects' forms are not exact in.
+    // A further effect has to matter beside those before it, on one joint at least.
     if (!model.effects.empty()) {
+      Eigen::RowVectorXd part = Eigen::RowVectorXd::Constant(rows_.joints(), least_part_of_exact);
+      for (const Adopted& e : model.effects)
+        for (const UnitShape& u : e.units)
+          if (e.h->approximate())
+            for (const int j : u.block->channels) part[j] = least_part;
       const Eigen::RowVectorXd gained =
           model.fit.left.colwise().squaredNorm() - next[0].fit.left.colwise().squaredNorm();
       const Eigen::RowVectorXd gap = rows_.y.colwise().squaredNorm();
       const Eigen::RowVectorXd noise = next[0].fit.residual.colwise().squaredNorm();
-      if ((gained.array() < least_part * gap.array() || gained.array() < least_gain * noise.array()).all())
+      if ((gained.array() < part.array() * gap.array() || gained.array() < least_gain * noise.array()).all())
         break;
     }
     model = next[0];

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynid/diagnosis/gap_motion.hpp"
@@ -15,7 +16,7 @@ namespace dynid {
 enum class Scope {
   joint,   ///< unit k: joint k + 1; several joints are one effect
   link,    ///< unit k: link k + 1; one link at a time
-  pair,    ///< unit k: joints k + 1 and k + 2
+  pair,    ///< unit k: two joints, neighbours or next but one: pair_of()
   arm,     ///< one unit: the whole arm
   window,  ///< unit k: link k + 1, in a window of time that is searched for: its first two shape parameters
            ///< are start and duration [s]
@@ -57,6 +58,9 @@ class Hypothesis {
   /// special case, or can nearly imitate it, less than 1.
   virtual double prior() const { return 1.0; }
 
+  /// The truth is seldom of just this form: what the effect leaves need not be something else.
+  virtual bool approximate() const { return false; }
+
   /// Torque columns [N m per unit of c] that unit `unit` adds on the measured side along `motion`.
   virtual ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const = 0;
   /// The field's parameters from coefficients and shape.
@@ -74,12 +78,22 @@ class Hypothesis {
     return true;
   }
 
-  int units(const Robot& robot) const {
-    return scope() == Scope::arm ? 1 : robot.size() - (scope() == Scope::pair ? 1 : 0);
+  /// Coefficients that a body, or whatever it is, can have at all; others give way in every fit to
+  /// nearest_possible(): the minimiser of (x - c)^T I (x - c) over those, I being their information in the
+  /// fit.
+  virtual bool possible(const Eigen::VectorXd&) const { return true; }
+  virtual Eigen::VectorXd nearest_possible(const Eigen::VectorXd& c, const Eigen::MatrixXd&) const {
+    return c;
   }
+
+  int units(const Robot& robot) const;
   /// The joints (from 1) that unit `unit` concerns.
   std::vector<int> joints(const Robot& robot, int unit) const;
 };
+
+/// The two joints (from 0, increasing) of unit `unit` of an effect of pairs in an arm of `n` joints: first
+/// all neighbours, then all that have one joint between them.
+std::pair<int, int> pair_of(int n, int unit);
 
 /// Every form of every effect, in the order of their names. The list is made from the files of
 /// src/diagnosis/effects/.

@@ -13,6 +13,7 @@ class BacklashDeadZone : public OwnTorque {
     return {{"contact_torque", "N m", 0.1, 5.0, 3, true}};
   }
   std::string form() const override { return "dead_zone"; }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     return c[0] > 0.0;

@@ -32,9 +32,9 @@ std::vector<int> units_of(const Hypothesis& h, const Robot& robot, const Effect&
   if (h.scope() == Scope::arm) return {0};
   if (effect.joints.empty()) throw Error("effect '" + effect.name + "': joints are missing");
   if (h.scope() == Scope::pair) {
-    if (effect.joints.size() != 2 || effect.joints[1] != effect.joints[0] + 1)
-      throw Error("effect '" + effect.name + "': two neighbouring joints are needed");
-    return {effect.joints.front() - 1};
+    for (int unit = 0; unit < h.units(robot); ++unit)
+      if (h.joints(robot, unit) == effect.joints) return {unit};
+    throw Error("effect '" + effect.name + "': two joints are needed, with at most one between them");
   }
   if (h.scope() == Scope::window) return {effect.joints.back() - 1};
   std::vector<int> units;

@@ -14,6 +14,7 @@ class ExternalContact : public Hypothesis {
  public:
   std::string name() const override { return "external_contact"; }
   Scope scope() const override { return Scope::window; }
+  bool approximate() const override { return true; }
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
     return {{"start", "s", 0.0, 1e9, 1, false},        {"duration", "s", 0.1, 1e9, 1, false},

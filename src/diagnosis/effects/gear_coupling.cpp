@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Friction and inertia on the sum (or difference) of two neighbours' speeds, as in geared wrists.
+// Friction and inertia on the sum (or difference) of two joints' speeds, as in geared wrists.
 #include "dynid/error.hpp"
 #include "effects.hpp"
 
@@ -10,16 +10,18 @@ class GearCoupling : public Hypothesis {
  public:
   std::string name() const override { return "gear_coupling"; }
   Scope scope() const override { return Scope::pair; }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.3; }
   std::vector<ShapeParameter> shape() const override {
     return {{"ratio", "1", -1.0, 1.0, 2, false}, sign_width()};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
-    const Eigen::VectorXd speed = motion.speed.col(unit) + shape[0] * motion.speed.col(unit + 1);
+    const auto [first, second] = pair_of(motion.joints(), unit);
+    const Eigen::VectorXd speed = motion.speed.col(first) + shape[0] * motion.speed.col(second);
     Eigen::MatrixXd own(motion.samples(), 3);
     own << speed, (speed.array() / shape[1]).tanh(),
-        motion.ddq.col(unit) + shape[0] * motion.ddq.col(unit + 1);
-    return {{unit, unit + 1}, {own, shape[0] * own}};
+        motion.ddq.col(first) + shape[0] * motion.ddq.col(second);
+    return {{first, second}, {own, shape[0] * own}};
   }
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     return c.minCoeff() > -0.05 * c.cwiseAbs().maxCoeff();  // a shaft takes power, and has mass

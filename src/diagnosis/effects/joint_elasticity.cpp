@@ -8,6 +8,7 @@ namespace {
 class JointElasticity : public OwnTorque {
  public:
   JointElasticity() : OwnTorque("joint_elasticity", {}) {}
+  bool approximate() const override { return true; }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     return all_channels({motion.shifted(unit, -motion.rigid.col(unit))});
   }

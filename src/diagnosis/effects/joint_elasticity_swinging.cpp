@@ -15,6 +15,7 @@ class JointElasticitySwinging : public OwnTorque {
   std::vector<ShapeParameter> shape() const override {
     return {{"stiffness", "N m/rad", 10.0, 20000.0, 16, true}, {"damping", "1", 0.02, 0.5, 3, true}};
   }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     return all_channels({spring_torque(motion, unit, {shape[0], 0.0, shape[1]})});

@@ -9,7 +9,9 @@ class LinkInertialError : public Hypothesis {
  public:
   std::string name() const override { return "link_inertial_error"; }
   Scope scope() const override { return Scope::link; }
-  double prior() const override { return 0.2; }  // on the last link it is a payload
+  double prior() const override {
+    return 0.02;
+  }  // on the last link it is a payload, but for what can be a body
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     ColumnBlock block;
     for (int j = 0; j <= unit; ++j) {
@@ -33,6 +35,11 @@ class LinkInertialError : public Hypothesis {
   bool enter(Robot& robot, const Effect& effect) const override {
     robot.joints[static_cast<std::size_t>(effect.joints.front() - 1)].parameters += change(effect);
     return true;
+  }
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    // What adds more to the last link than the link itself is a payload.
+    return unit + 1 < robot.size() || c[0] <= robot.joints.back().parameters[0];
   }
 
  private:

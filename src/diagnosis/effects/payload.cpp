@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
 #include "dynid/error.hpp"
 #include "effects.hpp"
 
@@ -7,6 +11,57 @@ namespace dynid::detail {
 namespace {
 
 constexpr double behind_the_flange = 0.03;  // [m]: a ring around it
+
+using Lower = Eigen::Matrix<double, 10, 1>;  // of a 4 x 4 matrix, column by column
+
+Eigen::Matrix4d lower(const Lower& x) {
+  Eigen::Matrix4d L = Eigen::Matrix4d::Zero();
+  for (int k = 0, c = 0; c < 4; ++c)
+    for (int r = c; r < 4; ++r) L(r, c) = x[k++];
+  return L;
+}
+
+/// The body nearest to `c` in the norm of `information`: its pseudo-inertia is L L^T, which every L makes a
+/// body; Levenberg-Marquardt over L.
+StandardParameters nearest_body(const StandardParameters& c, const Eigen::MatrixXd& information) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> metric(information);
+  const Eigen::MatrixXd root =
+      metric.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * metric.eigenvectors().transpose();
+  // Starts from the body of no negative moments.
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
+  const double least = 1e-3 * moments.eigenvalues().cwiseAbs().maxCoeff();
+  const Eigen::Matrix4d start = moments.eigenvectors() * moments.eigenvalues().cwiseMax(least).asDiagonal() *
+                                moments.eigenvectors().transpose();
+  const Eigen::Matrix4d L = start.llt().matrixL();
+  Lower x;
+  for (int k = 0, col = 0; col < 4; ++col)
+    for (int r = col; r < 4; ++r) x[k++] = L(r, col);
+  const auto body = [](const Lower& at) { return from_pseudo_inertia(lower(at) * lower(at).transpose()); };
+  StandardParameters best = body(x);
+  double distance = (root * (best - c)).squaredNorm(), damping = 1e-3;
+  for (int k = 0; k < 100 && damping < 1e12; ++k) {
+    Eigen::Matrix<double, 10, 10> J;
+    for (int i = 0; i < 10; ++i) {
+      const Eigen::Matrix4d D = lower(Lower::Unit(i)), half = D * lower(x).transpose();
+      J.col(i) = from_pseudo_inertia(half + half.transpose());
+    }
+    const Eigen::MatrixXd RJ = root * J;
+    Eigen::MatrixXd H = RJ.transpose() * RJ;
+    H.diagonal() *= 1.0 + damping;
+    H.diagonal().array() += 1e-15 * H.trace();
+    const Lower step = H.ldlt().solve(RJ.transpose() * (root * (c - best)));
+    const StandardParameters there = body(x + step);
+    const double now = (root * (there - c)).squaredNorm();
+    if (!(now < distance)) {
+      damping *= 10.0;
+      continue;
+    }
+    const bool done = now > distance * (1.0 - 1e-9);
+    x += step, best = there, distance = now, damping = std::max(1e-9, 0.1 * damping);
+    if (done) break;
+  }
+  return best;
+}
 
 class Payload : public Hypothesis {
  public:
@@ -45,6 +100,14 @@ class Payload : public Hypothesis {
     if (robot.tip.translation().norm() < 0.01) return true;
     const Eigen::Vector3d com = robot.tip.inverse() * Eigen::Vector3d(c.segment<3>(1) / c[0]);
     return com.z() > -behind_the_flange;
+  }
+  bool possible(const Eigen::VectorXd& c) const override {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(StandardParameters(c)));
+    return moments.eigenvalues()[0] >= 0.0;
+  }
+  Eigen::VectorXd nearest_possible(const Eigen::VectorXd& c,
+                                   const Eigen::MatrixXd& information) const override {
+    return nearest_body(c, information);
   }
 
  private:

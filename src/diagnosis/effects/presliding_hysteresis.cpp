@@ -11,6 +11,7 @@ class PreslidingHysteresis : public OwnTorque {
  public:
   PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.01, 0.4, 6, true}}; }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
 
  protected:

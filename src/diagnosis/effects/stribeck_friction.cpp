@@ -15,6 +15,7 @@ class StribeckFriction : public OwnTorque {
             {"velocity_scale", "rad/s", 0.002, 0.03, 3, true},
             {"exponent", "1", 1.0, 2.0, 3, false}};
   }
+  bool approximate() const override { return true; }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

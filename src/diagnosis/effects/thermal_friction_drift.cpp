@@ -11,6 +11,7 @@ class ThermalFrictionDrift : public OwnTorque {
   ThermalFrictionDrift() : OwnTorque("thermal_friction_drift", {{"coefficient", "N m s/rad"}}) {}
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 15.0, 5, true}}; }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
 
  protected:

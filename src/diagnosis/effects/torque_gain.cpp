@@ -8,6 +8,9 @@ namespace {
 class TorqueGain : public OwnTorque {
  public:
   TorqueGain() : OwnTorque("torque_gain", {{"gain", "1"}}) {}
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return c[0] > -0.9;  // next to nothing measured is no gain
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {

@@ -10,7 +10,7 @@ namespace {
 class TorqueRipple : public OwnTorque {
  public:
   TorqueRipple() : OwnTorque("torque_ripple", {}) {}
-  std::vector<ShapeParameter> shape() const override { return {{"order", "1/rad", 2.0, 40.0, 77, false}}; }
+  std::vector<ShapeParameter> shape() const override { return {{"order", "1/rad", 2.0, 202.0, 401, false}}; }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
     return {{"amplitude", "N m", Eigen::VectorXd::Constant(1, c.norm())},
@@ -24,6 +24,7 @@ class TorqueRipple : public OwnTorque {
     c = Eigen::Vector2d(a * std::cos(phase), a * std::sin(phase));
     shape = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "order", unit));
   }
+  bool approximate() const override { return true; }  // where the joint stands between stamps blurs it
   double prior() const override { return 0.4; }
 
  protected:

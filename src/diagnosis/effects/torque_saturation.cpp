@@ -8,7 +8,8 @@ namespace {
 class TorqueSaturation : public OwnTorque {
  public:
   TorqueSaturation() : OwnTorque("torque_saturation", {}) {}
-  std::vector<ShapeParameter> shape() const override { return {{"limit", "N m", 0.3, 120.0, 24, true}}; }
+  std::vector<ShapeParameter> shape() const override { return {{"limit", "N m", 0.03, 120.0, 33, true}}; }
+  bool approximate() const override { return true; }
   bool shape_only() const override { return true; }
 
  protected:

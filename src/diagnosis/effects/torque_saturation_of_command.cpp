@@ -29,9 +29,10 @@ class TorqueSaturationOfCommand : public OwnTorque {
   TorqueSaturationOfCommand() : OwnTorque("torque_saturation", {}) {}
   std::string form() const override { return "command_limit"; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"command_limit", "N m", 0.3, 120.0, 24, true}};
+    return {{"command_limit", "N m", 0.03, 120.0, 33, true}};
   }
   bool shape_only() const override { return true; }
+  bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
 
  protected:

@@ -46,7 +46,7 @@ class TorqueRipple : public EffectModel {
 
 void draw_order(Effect& effect, const Robot&, std::mt19937_64& random, double, double) {
   for (double& order : effect.parameters["order"])  // teeth, poles: a whole number a turn
-    order = double(std::uniform_int_distribution<int>(4, 24)(random));
+    order = double(std::uniform_int_distribution<int>(4, 100)(random));
 }
 
 }  // namespace
@@ -62,7 +62,7 @@ std::vector<EffectDefinition> position_effects() {
             "A sin(N q + phase)",
             EffectScope::joints,
             {{"amplitude", "N m", "A", true, {0.5}, -1e3, 1e3, {0.4}, {1.2}, false, Scale::times},
-             {"order", "1/rad", "N, periods a turn", true, {12.0}, 0.0, 1e4, {4.0}, {24.0}},
+             {"order", "1/rad", "N, periods a turn", true, {12.0}, 0.0, 1e4, {4.0}, {100.0}},
              {"phase", "rad", "", true, {0.0}, -any, any, {-M_PI}, {M_PI}}}},
            &make_model<TorqueRipple>,
            &draw_order}};
