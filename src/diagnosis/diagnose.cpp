@@ -31,15 +31,15 @@ using detail::UnitShape;
 
 namespace {
 
-constexpr double floor_room = 3.0;          // coloured noise in parts of the white floor
-constexpr double fully_explained = 0.9;     // part of the gap's energy
-constexpr double exactly_explained = 0.97;  // the same, by effects of exact forms that leave on a joint
-constexpr double most_of_exact = 2.5;       // times the noise of most
-constexpr double detection = 0.05;          // p-value of a gap
-constexpr double block_seconds = 1.0;       // of held-out blocks and of the bootstrap
+constexpr double floor_room = 3.0;       // coloured noise in parts of the white floor
+constexpr double fully_explained = 0.9;  // part of the gap's energy
+constexpr double left_by_exact = 0.03;   // of it, by effects of exact forms
+constexpr double most_of_exact = 2.5;    // times the noise of most joints
+constexpr double detection = 0.05;       // p-value of a gap
+constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
 /// Part of the gap's energy that so many effects have to explain: several together can imitate much.
-double least_explained(std::size_t effects) { return 1.0 - 0.35 / double(effects); }
+double least_explained(std::size_t effects) { return effects < 2 ? 0.65 : effects == 2 ? 0.9 : 0.95; }
 constexpr double least_of_fewer = 0.75;  // by one effect, when it is what is left of several
 
 Eigen::VectorXd rms(const Eigen::MatrixXd& x) {
@@ -87,20 +87,26 @@ bool has_window(const GapModel& model) {
                      [](const Adopted& e) { return e.h->scope() == Scope::window; });
 }
 
-/// Effects whose forms are exact leave more on one of their joints than noise, whatever its colour, leaves on
-/// most: something else is there.
-bool inexact(const GapRows& rows, const GapModel& model) {
+/// More is left than the effects' forms can be blamed for, those that are not exact having taken `shares` of
+/// the gap, and on a joint of an exact one more than noise, whatever its colour, leaves on most: something
+/// else is there.
+bool inexact(const GapRows& rows, const GapModel& model, const std::vector<double>& shares, double left) {
   const Eigen::VectorXd ratio = rms(model.fit.residual).cwiseQuotient(rows.white_floor);
   std::vector<double> sorted(ratio.begin(), ratio.end());
   std::nth_element(sorted.begin(), sorted.begin() + ratio.size() / 2, sorted.end());
   const double usual = std::max(floor_room, sorted[static_cast<std::size_t>(ratio.size() / 2)]);
+  double blamed = left_by_exact;
   bool more = false;
-  for (const Adopted& e : model.effects) {
-    if (e.h->approximate()) return false;
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    const Adopted& e = model.effects[k];
+    if (e.h->approximate()) {
+      blamed += shares[k];
+      continue;
+    }
     for (const UnitShape& u : e.units)
       for (const int j : u.block->channels) more = more || ratio[j] > most_of_exact * usual;
   }
-  return more;
+  return more && left > blamed;
 }
 
 bool has_once(const GapModel& model) {
@@ -650,7 +656,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     else
       out.verdict = out.p_value <= detection ? Verdict::not_detected : Verdict::no_gap;
   } else if (out.explained < least_explained(model.effects.size()) ||
-             (out.explained < exactly_explained && inexact(rows, model))) {
+             inexact(rows, model, shares, 1.0 - out.explained)) {
     out.verdict = unexplained(none.fit.residual) ? Verdict::unexplained : Verdict::not_detected;
   } else {
     out.verdict = unexplained(model.fit.residual) && out.explained < fully_explained

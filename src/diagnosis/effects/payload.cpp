@@ -2,7 +2,8 @@
 // A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <algorithm>
+#include <array>
+#include <cmath>
 
 #include "dynid/error.hpp"
 #include "effects.hpp"
@@ -12,55 +13,47 @@ namespace {
 
 constexpr double behind_the_flange = 0.03;  // [m]: a ring around it
 
-using Lower = Eigen::Matrix<double, 10, 1>;  // of a 4 x 4 matrix, column by column
-
-Eigen::Matrix4d lower(const Lower& x) {
-  Eigen::Matrix4d L = Eigen::Matrix4d::Zero();
-  for (int k = 0, c = 0; c < 4; ++c)
-    for (int r = c; r < 4; ++r) L(r, c) = x[k++];
-  return L;
-}
-
-/// The body nearest to `c` in the norm of `information`: its pseudo-inertia is L L^T, which every L makes a
-/// body; Levenberg-Marquardt over L.
+/// The body nearest to `c` in the norm of `information`: Newton's method along the central path of
+/// (x - c)^T I (x - c) - log det P(x) / t, P the pseudo-inertia.
 StandardParameters nearest_body(const StandardParameters& c, const Eigen::MatrixXd& information) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> metric(information);
-  const Eigen::MatrixXd root =
-      metric.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * metric.eigenvectors().transpose();
-  // Starts from the body of no negative moments.
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
-  const double least = 1e-3 * moments.eigenvalues().cwiseAbs().maxCoeff();
-  const Eigen::Matrix4d start = moments.eigenvectors() * moments.eigenvalues().cwiseMax(least).asDiagonal() *
-                                moments.eigenvectors().transpose();
-  const Eigen::Matrix4d L = start.llt().matrixL();
-  Lower x;
-  for (int k = 0, col = 0; col < 4; ++col)
-    for (int r = col; r < 4; ++r) x[k++] = L(r, col);
-  const auto body = [](const Lower& at) { return from_pseudo_inertia(lower(at) * lower(at).transpose()); };
-  StandardParameters best = body(x);
-  double distance = (root * (best - c)).squaredNorm(), damping = 1e-3;
-  for (int k = 0; k < 100 && damping < 1e12; ++k) {
-    Eigen::Matrix<double, 10, 10> J;
-    for (int i = 0; i < 10; ++i) {
-      const Eigen::Matrix4d D = lower(Lower::Unit(i)), half = D * lower(x).transpose();
-      J.col(i) = from_pseudo_inertia(half + half.transpose());
+  constexpr double gap = 1e-6;  // of the distance, relatively
+  using Vector = Eigen::Matrix<double, 10, 1>;
+  using Matrix = Eigen::Matrix<double, 10, 10>;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
+  const double least = 1e-2 * moments.eigenvalues().cwiseAbs().maxCoeff();
+  StandardParameters x =
+      from_pseudo_inertia(moments.eigenvectors() * moments.eigenvalues().cwiseMax(least).asDiagonal() *
+                          moments.eigenvectors().transpose());
+  Matrix G = information;
+  G.diagonal().array() += 1e-12 * G.trace();
+  const auto distance = [&](const StandardParameters& at) { return (at - c).dot(G * (at - c)); };
+  double t = 4.0 / distance(x);
+  for (bool last = false; !last; t *= 10.0) {
+    last = 4.0 / t < gap * distance(x);
+    for (int k = 0; k < 50; ++k) {
+      const Eigen::Matrix4d inverse = pseudo_inertia(x).inverse();
+      Vector slope = 2.0 * t * (G * (x - c));
+      Matrix curvature = 2.0 * t * G;
+      std::array<Eigen::Matrix4d, 10> moved;
+      for (int i = 0; i < 10; ++i)
+        moved[static_cast<std::size_t>(i)] = inverse * pseudo_inertia(StandardParameters::Unit(i));
+      for (int i = 0; i < 10; ++i) {
+        const Eigen::Matrix4d& a = moved[static_cast<std::size_t>(i)];
+        slope[i] -= a.trace();
+        for (int j = 0; j < 10; ++j) curvature(i, j) += (a * moved[static_cast<std::size_t>(j)]).trace();
+      }
+      const Vector step = -curvature.ldlt().solve(slope);
+      const double decrement = -slope.dot(step);
+      if (!(decrement > 1e-6)) break;
+      // Damped as far as a self-concordant function asks for: but for rounding, the point stays inside.
+      double part = 1.0 / (1.0 + std::sqrt(decrement));
+      while (part > 1e-12 &&
+             pseudo_inertia(StandardParameters(x + part * step)).llt().info() != Eigen::Success)
+        part *= 0.5;
+      x += part * step;
     }
-    const Eigen::MatrixXd RJ = root * J;
-    Eigen::MatrixXd H = RJ.transpose() * RJ;
-    H.diagonal() *= 1.0 + damping;
-    H.diagonal().array() += 1e-15 * H.trace();
-    const Lower step = H.ldlt().solve(RJ.transpose() * (root * (c - best)));
-    const StandardParameters there = body(x + step);
-    const double now = (root * (there - c)).squaredNorm();
-    if (!(now < distance)) {
-      damping *= 10.0;
-      continue;
-    }
-    const bool done = now > distance * (1.0 - 1e-9);
-    x += step, best = there, distance = now, damping = std::max(1e-9, 0.1 * damping);
-    if (done) break;
   }
-  return best;
+  return x;
 }
 
 class Payload : public Hypothesis {
