@@ -627,7 +627,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       else if (worse(held, left(held.y), rest, noise))
         least = 0.0;
     } else if (!window && !alone && unexplained(detail::fit_terms(held, held.y, {}, m.kappa).residual)) {
-      // A drift starts anew in each log, or is over: it need not come back alike, but nothing else may.
+      // A drift starts anew in each log, or is over: it may come back at another size, but nothing else may.
       least = std::min(least, taken(held, fit_of(held, carried(held, m.effects), m.kappa).residual));
     }
     if ((window && m.effects.size() == 1) || alone)  // a window of anything fits

@@ -70,6 +70,14 @@ Robot for_simulation(const Robot& robot) {
       effect.parameters.erase("slip");
     } else if (effect.name == "joint_elasticity") {
       effect.parameters.erase("damping");  // of the link there; here of the motor
+    } else if (effect.name == "thermal_friction_drift") {
+      // There the friction falls straight, in proportion to the integral of (dq / v)^2 / T: v such that it
+      // has done the same in the end as the exponential fall here, T too long to cool down.
+      constexpr double slow = 1e3;  // [s]
+      for (const double constant : effect.parameters["motion_constant"])
+        effect.parameters["reference_speed"].push_back(std::sqrt(2.0 * constant / slow));
+      effect.parameters["time_constant"].assign(n, slow);
+      effect.parameters.erase("motion_constant");
     } else if (effect.name == "backlash") {
       effect.parameters.erase("contact_torque");  // the smoothing of what is a plain dead zone there
       effect.parameters["gap"].assign(n, 0.0);

@@ -178,6 +178,9 @@ INSTANTIATE_TEST_SUITE_P(Plant, DiagnosesOtherForm,
                                                "channel_delay_s", 3, 0.015, 0.1},
                                          Known{"torque_saturation:joints=1,command_limit=13",
                                                "torque_saturation", "command_limit", 0, 13.0, 0.05},
+                                         Known{
+                                             "thermal_friction_drift:joints=3,coefficient=2,time_constant=9",
+                                             "thermal_friction_drift", "coefficient", 2, 2.0, 0.2},
                                          Known{"joint_elasticity:joints=6,stiffness=80,motor_inertia=0.02",
                                                "joint_elasticity", "stiffness", 5, 80.0, 0.1}),
                          [](const auto& known) { return std::string(known.param.name); });

@@ -126,6 +126,19 @@ TEST(Patch, BothFormsOfBacklashAreSimulated) {
   EXPECT_EQ(for_simulation(robot).effects[0].parameters.at("gap")[3], 0.02);
 }
 
+// A joint that warms by its own motion becomes the simulation's, whose friction falls straight instead.
+TEST(Patch, DriftByMotionIsSimulated) {
+  Robot robot = panda();
+  robot.effects.push_back(
+      {"thermal_friction_drift",
+       {2, 4},
+       {{"coefficient", {0, 3, 0, 4, 0, 0, 0}}, {"motion_constant", {0, 1, 0, 2, 0, 0, 0}}}});
+  const Robot ready = for_simulation(robot);
+  EXPECT_NO_THROW(complete_effect(ready.effects[0], ready));
+  const Log log = logged(ready, {}, 14);
+  EXPECT_LT(rms_error(robot, log), 0.4 * rms_error(panda(), log));
+}
+
 TEST(Patch, WhatCannotBeSimulatedIsRefusedByName) {
   Robot robot = panda();
   robot.effects.push_back({"external_contact",

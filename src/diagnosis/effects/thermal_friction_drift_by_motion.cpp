@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Thermal drift in its other form: the joint warms by its own motion, Fv exp(-H / H0) dq with H the integral
+// of dq^2.
+#include <cmath>
+
+#include "effects.hpp"
+
+namespace dynid::detail {
+namespace {
+
+class ThermalFrictionDriftByMotion : public OwnTorque {
+ public:
+  ThermalFrictionDriftByMotion() : OwnTorque("thermal_friction_drift", {{"coefficient", "N m s/rad"}}) {}
+  std::string form() const override { return "motion_constant"; }
+  bool approximate() const override { return true; }
+  bool once() const override { return true; }
+  std::vector<ShapeParameter> shape() const override {
+    return {{"motion_constant", "rad^2/s", 0.2, 6.0, 5, true}};
+  }
+  double prior() const override { return 0.4; }
+
+ protected:
+  Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
+    const Eigen::VectorXd& speed = motion.speed.col(j);
+    Eigen::VectorXd torque(motion.samples());
+    double heat = 0.0;
+    for (Eigen::Index i = 0; i < torque.size(); ++i) {
+      torque[i] = speed[i] * std::exp(-heat / shape[0]);
+      heat += speed[i] * speed[i] / motion.rate;
+    }
+    return torque;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Hypothesis> make_thermal_friction_drift_by_motion() {
+  return std::make_unique<ThermalFrictionDriftByMotion>();
+}
+
+}  // namespace dynid::detail
