@@ -9,9 +9,7 @@ class LinkInertialError : public Hypothesis {
  public:
   std::string name() const override { return "link_inertial_error"; }
   Scope scope() const override { return Scope::link; }
-  double prior() const override {
-    return 0.2;
-  }  // on the last link it is a payload, but for what can be a body
+  double prior() const override { return 0.2; }  // on the last link it is a payload where that is a body
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     ColumnBlock block;
     for (int j = 0; j <= unit; ++j) {

@@ -27,9 +27,10 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
   Matrix G = information;
   G.diagonal().array() += 1e-12 * G.trace();
   const auto distance = [&](const StandardParameters& at) { return (at - c).dot(G * (at - c)); };
+  if (!(distance(x) > 0.0)) return x;  // nothing tells them apart
   double t = 4.0 / distance(x);
   for (bool last = false; !last; t *= 10.0) {
-    last = 4.0 / t < gap * distance(x);
+    last = !(4.0 / t >= gap * distance(x));
     for (int k = 0; k < 50; ++k) {
       const Eigen::Matrix4d inverse = pseudo_inertia(x).inverse();
       Vector slope = 2.0 * t * (G * (x - c));
