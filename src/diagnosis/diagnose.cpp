@@ -319,6 +319,31 @@ Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::Ve
   return shrink_of(even, even.y - contribution(even, part, part.fit.theta), floor, seed);
 }
 
+/// The window of an effect of the model, in the log where it explains most.
+GapWindow found_window(const Robot& robot, const GapRows& rows, const GapModel& model, std::size_t which,
+                       const std::vector<std::string>& logs) {
+  const UnitShape& u = model.effects[which].units.front();
+  const Eigen::MatrixXd with =
+      model.fit.left + contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(which));
+  std::vector<double> taken(logs.size(), 0.0);
+  for (Eigen::Index i = 0; i < rows.size(); ++i)
+    taken[static_cast<std::size_t>(rows.log[static_cast<std::size_t>(i)])] +=
+        with.row(i).squaredNorm() - model.fit.left.row(i).squaredNorm();
+  const auto log = std::max_element(taken.begin(), taken.end()) - taken.begin();
+  return {logs[static_cast<std::size_t>(log)], u.shape[0], u.shape[0] + u.shape[1],
+          model.effects[which].h->joints(robot, u.unit)};
+}
+
+/// In the place of those of its log that it meets.
+void put_window(std::vector<GapWindow>& windows, const GapWindow& found) {
+  windows.erase(std::remove_if(windows.begin(), windows.end(),
+                               [&](const GapWindow& w) {
+                                 return w.log == found.log && w.t0 < found.t1 && found.t0 < w.t1;
+                               }),
+                windows.end());
+  windows.insert(windows.begin(), found);
+}
+
 /// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
 struct Values {
   std::vector<std::string> keys, units;
@@ -665,9 +690,6 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   }
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = search.smallest_visible(none);
-  std::vector<std::string> names;
-  for (const Log& log : logs) names.push_back(log.source);
-  out.windows = detail::windows(rows, rows.y, names);
 
   // Which effect could stand in the place of each.
   say("alternatives", 0.8);
@@ -731,13 +753,22 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     for (std::size_t i = 0; i < first.size(); ++i)
       out.series.held_out[i] = out.series.held_out[i] && first[i];
   }
+  Eigen::MatrixXd passing = everything.y;  // without what is always there
   for (std::size_t k = 0; adopt && k < model.effects.size(); ++k) {
     Eigen::MatrixXd part = contribution(everything, model, theta, static_cast<std::ptrdiff_t>(k));
-    if (several && model.effects[k].h->scope() == Scope::window)  // a window is of the logs it was found in
+    const bool window = model.effects[k].h->scope() == Scope::window;
+    if (several && window)  // a window is of the logs it was found in
       for (std::size_t i = 0; i < last.size(); ++i)
         if (last[i]) part.row(static_cast<Eigen::Index>(i)).setZero();
     out.series.after -= part;
+    if (!window) passing -= part;
   }
+  std::vector<std::string> names;
+  for (const Log& log : logs) names.push_back(log.source);
+  out.windows = detail::windows(everything, passing, names);
+  for (std::size_t k = 0; adopt && k < model.effects.size(); ++k)
+    if (model.effects[k].h->scope() == Scope::window)
+      put_window(out.windows, found_window(nominal, rows, model, k, names));
   if (options.replay) {
     say("replaying the motion", 0.97);
     out.rollout = detail::roll_out(nominal, out.effects, everything, last);

@@ -41,6 +41,8 @@ class GapRows {
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
   double start(int of_log) const;  ///< [s] first stamp of a log (from 0)
+  /// [s] of row i, as its log is stamped.
+  double stamp(Eigen::Index i) const { return start(log[static_cast<std::size_t>(i)]) + t[i]; }
 
   Eigen::MatrixXd y;                 ///< rows x n [N m]: the gap
   Eigen::MatrixXd q, dq, ddq, load;  ///< rows x n, filtered alike; load: the rigid body's torque

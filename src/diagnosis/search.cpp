@@ -57,7 +57,7 @@ Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
 /// what all of them span.
 std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
   const std::vector<ShapeParameter> parameters = h.shape();
-  std::vector<Eigen::VectorXd> points = {window_shape(h, -1e9, 1e9)};
+  std::vector<Eigen::VectorXd> points = {window_shape(h, -1e12, 1e12)};
   for (std::size_t s = 2; s < parameters.size(); ++s) {
     if (parameters[s].logarithmic) continue;
     points.push_back(points.front());
@@ -554,7 +554,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
   if (link < 0) return effect;
   const std::vector<ShapeParameter> shape = h.shape();
   const auto value = [&](const RowBlock& block) { return coupled_gain(h, block, beginning); };
-  UnitShape best = made(h, link, placed(h, window_shape(h, rows_.t[from], rows_.t[to]), point));
+  UnitShape best = made(h, link, placed(h, window_shape(h, rows_.stamp(from), rows_.stamp(to)), point));
   double gain = value(*best.block);
   const auto improve_all = [&](Eigen::Index first, double row) {
     for (Eigen::Index s = first; s < best.shape.size(); ++s) {
@@ -575,7 +575,7 @@ Adopted Search::propose_window(const Hypothesis& h, const Grid& grid, const Base
             rows_.log[static_cast<std::size_t>(a)] != rows_.log[static_cast<std::size_t>(b)])
           continue;
         Eigen::VectorXd at = best.shape;
-        at.head<2>() << rows_.t[a], rows_.t[b] - rows_.t[a];
+        at.head<2>() << rows_.stamp(a), rows_.t[b] - rows_.t[a];
         const UnitShape other = made(h, link, at);
         const double here = value(*other.block);
         if (here > gain + 1e-6) {

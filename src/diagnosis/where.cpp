@@ -93,6 +93,10 @@ std::vector<GapWindow> windows(const GapRows& rows, const Eigen::MatrixXd& gap,
       Eigen::Index first = -1, last = -1;
       const auto close = [&] {
         if (first >= 0 && last - first >= 4) {
+          // The filter spreads an edge over time: it is where half of what is usual inside is reached.
+          const double level = 0.5 * median(gap.col(j).segment(first, last - first + 1).cwiseAbs());
+          while (std::abs(gap(first, j)) < level) ++first;
+          while (std::abs(gap(last, j)) < level) --last;
           const int log = rows.log[static_cast<std::size_t>(first)];
           const double start = rows.start(log);
           found.push_back(

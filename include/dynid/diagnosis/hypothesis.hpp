@@ -19,7 +19,7 @@ enum class Scope {
   pair,    ///< unit k: two joints, neighbours or next but one: pair_of()
   arm,     ///< one unit: the whole arm
   window,  ///< unit k: link k + 1, in a window of time that is searched for: its first two shape parameters
-           ///< are start and duration [s]
+           ///< are start, as the log is stamped, and duration [s]
 };
 
 /// A parameter that the torque depends on in another way than linearly: it is searched for in a grid, then

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// -J^T F at a point of one link in a window of time: F, in the axes of the base frame, is held between a
-// straight rise and a straight fall.
+// -J^T F at a point of one link in a window of time, by the stamps of its log: F, in the axes of the base
+// frame, is held between a straight rise and a straight fall.
 #include <algorithm>
 
 #include "effects.hpp"
@@ -17,14 +17,14 @@ class ExternalContact : public Hypothesis {
   bool approximate() const override { return true; }
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"start", "s", 0.0, 1e9, 1, false},        {"duration", "s", 0.1, 1e9, 1, false},
+    return {{"start", "s", -1e12, 1e12, 1, false},     {"duration", "s", 0.1, 1e12, 1, false},
             {"rise_time", "s", 0.005, 0.3, 1, true},   {"x", "m", -farthest, farthest, 1, false},
             {"y", "m", -farthest, farthest, 1, false}, {"z", "m", -farthest, farthest, 1, false}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     ColumnBlock block;
     const double rise = std::min(shape[2], 0.5 * shape[1]);
-    const Eigen::ArrayXd since = motion.t.array() - shape[0], until = shape[1] - since;
+    const Eigen::ArrayXd since = motion.t.array() + (motion.start - shape[0]), until = shape[1] - since;
     const Eigen::ArrayXd inside = (since.min(until) / rise).max(0.0).min(1.0);
     for (int j = 0; j <= unit; ++j) {
       block.channels.push_back(j);

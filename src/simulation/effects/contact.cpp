@@ -91,7 +91,7 @@ std::vector<EffectDefinition> contact_effects() {
               {25.0, 25.0, 25.0},
               true,
               Scale::times},
-             {"start", "s", "", false, {5.0}, 0.0, 1e6, {2.0}, {15.0}},
+             {"start", "s", "", false, {5.0}, -1e12, 1e12, {2.0}, {15.0}},
              {"duration", "s", "", false, {1.5}, 0.0, 1e6, {1.0}, {3.0}},
              {"rise_time",
               "s",
