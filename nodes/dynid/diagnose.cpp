@@ -99,8 +99,10 @@ void print(const Diagnosis& d) {
     for (std::size_t k = 0; k < e.aliases.size(); ++k)
       std::cout << (k == 0 ? "; not told from " : ", ") << e.aliases[k];
     std::cout << "\n";
-    for (const Estimate& p : e.parameters)
-      std::cout << "    " << p.key << " " << in_a_row(p.value) << " [" << p.unit << "]\n";
+    for (const Estimate& p : e.parameters) {
+      const int digits = p.value.cwiseAbs().maxCoeff() < 1e5 ? 4 : 13;  // a stamp counts from 1970
+      std::cout << "    " << p.key << " " << in_a_row(p.value, digits) << " [" << p.unit << "]\n";
+    }
   }
   if (!d.effects.empty())
     std::cout << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low

@@ -527,7 +527,9 @@ class Page {
   }
 
   static std::string estimate(const Estimate& p, Eigen::Index k) {
-    return number(p.value[k]) + "<small>" + number(p.low[k]) + " \u2026 " + number(p.high[k]) + "</small>";
+    const char* format = std::abs(p.value[k]) < 1e5 ? "%.3g" : "%.2f";  // a stamp counts from 1970
+    return number(p.value[k], format) + "<small>" + number(p.low[k], format) + " \u2026 " +
+           number(p.high[k], format) + "</small>";
   }
 
   void parameters(const FoundEffect& e) {
