@@ -78,9 +78,9 @@ class Hypothesis {
     return true;
   }
 
-  /// Coefficients that a body, or whatever it is, can have at all; others give way in every fit to
-  /// nearest_possible(): the minimiser of (x - c)^T I (x - c) over those, I being their information in the
-  /// fit.
+  /// c (p coefficients, as columns() has them) can be those of a body, or whatever it is. Others give way in
+  /// every fit to nearest_possible(): of all that can be, the x that minimises (x - c)^T I (x - c), I (p x p,
+  /// symmetric, positive semidefinite) being their information in the fit.
   virtual bool possible(const Eigen::VectorXd&) const { return true; }
   virtual Eigen::VectorXd nearest_possible(const Eigen::VectorXd& c, const Eigen::MatrixXd&) const {
     return c;
