@@ -30,12 +30,18 @@ nlohmann::json case_json(const BlindCase& c) {
   nlohmann::json truth = nlohmann::json::array(), found = nlohmann::json::array();
   for (const Effect& e : c.truth)
     truth.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
-  for (const FoundEffect& e : c.found)
+  for (const FoundEffect& e : c.found) {
+    nlohmann::json intervals = nlohmann::json::object();
+    for (const Estimate& p : e.parameters)
+      intervals[p.key] = {{"low", std::vector<double>(p.low.begin(), p.low.end())},
+                          {"high", std::vector<double>(p.high.begin(), p.high.end())}};
     found.push_back({{"name", e.effect.name},
                      {"joints", e.effect.joints},
                      {"parameters", e.effect.parameters},
+                     {"intervals", intervals},
                      {"probability", e.probability},
                      {"aliases", e.aliases}});
+  }
   return {{"truth", truth},       {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
           {"found", found},       {"p_value", c.p_value},         {"explained", c.explained},
           {"shrink", c.shrink},   {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},

@@ -245,12 +245,17 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
 
 namespace {
 
+/// The same angle, less than half a turn from `there`.
+double turned_to(double there, double angle, double turn) {
+  return angle + turn * std::round((there - angle) / turn);
+}
+
 /// A tilt by -a towards d is one by a towards d + 180: the truth in the words of the estimate.
 double turned_positive(const Effect& tilt, const std::string& key, double estimate) {
   const double angle = tilt.parameters.at("angle_deg")[0];
   if (key == "angle_deg") return std::abs(angle);
   const double direction = tilt.parameters.at("direction_deg")[0] + (angle < 0.0 ? 180.0 : 0.0);
-  return direction + 360.0 * std::round((estimate - direction) / 360.0);
+  return turned_to(estimate, direction, 360.0);
 }
 
 }  // namespace
@@ -277,6 +282,7 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
     for (Eigen::Index i = 0; i < p.value.size(); ++i) {
       double truth = found->second[static_cast<std::size_t>(i)];
       if (e.name == "gravity_tilt") truth = turned_positive(e, p.key, p.value[i]);
+      if (p.key == "phase") truth = turned_to(p.value[i], truth, 2.0 * M_PI);
       const int joint = static_cast<int>(i) + 1;
       const bool per_joint = p.value.size() >= 4;
       if (truth == 0.0 || (per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint)))) continue;

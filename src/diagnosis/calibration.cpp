@@ -18,7 +18,7 @@ extern const char* const calibration_in_use;  // made by CMake from config/diagn
 namespace {
 
 constexpr double interval = 0.9;
-constexpr std::size_t least_cases = 30, least_values = 5;
+constexpr std::size_t least_cases = 30;
 constexpr double median_of_interval =
     0.6745 / 1.6449;  // of a normal error, in half widths of its 90 % interval
 
@@ -27,19 +27,29 @@ double quantile(std::vector<double> x, double part) {
   return x[std::min(x.size() - 1, static_cast<std::size_t>(part * double(x.size())))];
 }
 
-/// What a further value is below with probability `part`, by the ranks of those seen; `otherwise`, or the
-/// largest where that is more, where they are too few to tell (Vovk, Gammerman and Shafer 2005).
-double next_quantile(std::vector<double> x, double part, double otherwise) {
-  std::sort(x.begin(), x.end());
-  const auto rank = static_cast<std::size_t>(std::ceil(part * double(x.size() + 1)));
-  return rank <= x.size() ? x[rank - 1] : std::max(x.back(), otherwise);
+/// A value that counts as `weight` of a case: those of one case are not independent.
+struct Weighted {
+  double value, weight;
+};
+
+/// What a further case's value is below with probability `part`, by the ranks of those seen; `otherwise`, or
+/// the largest where that is more, where they are too few to tell (Vovk, Gammerman and Shafer 2005).
+double next_quantile(std::vector<Weighted> x, double part, double otherwise) {
+  std::sort(x.begin(), x.end(), [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
+  double cases = 0.0, seen = 0.0;
+  for (const Weighted& w : x) cases += w.weight;
+  for (const Weighted& w : x) {
+    seen += w.weight;
+    if (seen >= part * (cases + 1.0) - 1e-9) return w.value;
+  }
+  return std::max(x.back().value, otherwise);
 }
 
 /// One parameter's error, and half its interval before any factor.
 struct Error90 {
   std::string parameter;  // "effect.parameter"
   bool off;               // the nominal model is
-  double error, half, scale;
+  double error, half, scale, weight;
 };
 
 /// One case's first effect: was it right, and what the ranking and the rest of the gap say of it.
@@ -90,14 +100,19 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       if (r != first && r->second > 0.0)
         n.behind.push_back(old.temperature * std::log(r->second / first->second));
     named.push_back(std::move(n));
-    for (const ComparedInterval& i : compared_intervals(c)) {
+    const std::vector<ComparedInterval> intervals = compared_intervals(c);
+    for (const ComparedInterval& i : intervals) {
+      const auto alike =
+          std::count_if(intervals.begin(), intervals.end(),
+                        [&](const ComparedInterval& other) { return other.parameter == i.parameter; });
       const std::string& effect = c.found.front().effect.name;
       const bool off = c.nominal_error > 0.0;
       const double half = i.truth > i.value ? i.high - i.value : i.value - i.low;
       const double form = old.form_error_of(effect, i.parameter) * i.scale;
       const double plain = std::sqrt(std::max(0.0, half * half - form * form));
       errors.push_back({effect + "." + i.parameter, off, std::abs(i.truth - i.value),
-                        plain / (off ? old.interval_factor_off : old.interval_factor), i.scale});
+                        plain / (off ? old.interval_factor_off : old.interval_factor), i.scale,
+                        1.0 / double(alike)});
     }
   }
   if (named.size() < least_cases)
@@ -130,19 +145,17 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       (off ? best.interval_factor_off : best.interval_factor) = quantile(middle, 0.5) / median_of_interval;
   }
   best.form_errors.clear();
-  std::map<std::string, std::vector<double>> form;
-  std::vector<double> all;
+  std::map<std::string, std::vector<Weighted>> form;
+  std::vector<Weighted> all;
   for (const Error90& e : errors) {
     const double half = (e.off ? best.interval_factor_off : best.interval_factor) * e.half;
-    if (e.scale == 0.0) continue;
     const double rest = std::sqrt(std::max(0.0, e.error * e.error - half * half)) / e.scale;
-    form[e.parameter].push_back(rest);
-    all.push_back(rest);
+    form[e.parameter].push_back({rest, e.weight});
+    all.push_back({rest, e.weight});
   }
   if (!all.empty()) best.form_error = next_quantile(all, interval, 0.0);
   for (const auto& [parameter, rest] : form)
-    if (rest.size() >= least_values)
-      best.form_errors[parameter] = next_quantile(rest, interval, best.form_error);
+    best.form_errors[parameter] = next_quantile(rest, interval, best.form_error);
   return best;
 }
 

@@ -20,14 +20,15 @@ struct Calibration {
   double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
   double interval_factor_off = 1.0;  ///< and where it is off
   /// Of "effect.parameter": how far the truth may be off, at 90 %, for having another form than the effect's,
-  /// relative to scale(). What is not listed has `form_error`.
+  /// in units of scale(). What is not listed has `form_error`.
   std::map<std::string, double> form_errors;
   double form_error = 0.0;
 
-  /// What a form error of element `i` is relative to: a joint's own value, or a vector's length; nothing for
-  /// an angle in degrees, which has no size.
+  /// What a form error of element `i` is relative to: a joint's own value, or a vector's length. A time, an
+  /// angle and a place have no size, only an origin: 1 s, 1 deg, 1 rad or 1 m.
   static double scale(const Estimate& e, Eigen::Index i) {
-    if (e.unit == "deg") return 0.0;
+    for (const char* unit : {"s", "deg", "rad", "m"})
+      if (e.unit == unit) return 1.0;
     return e.value.size() >= 4 ? std::abs(e.value[i]) : e.value.norm();
   }
   /// Of parameter `parameter` of effect `effect`, relative [1].
