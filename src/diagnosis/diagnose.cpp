@@ -36,6 +36,7 @@ constexpr double fully_explained = 0.9;  // part of the gap's energy
 constexpr double left_by_exact = 0.03;   // of it, by effects of exact forms
 constexpr double most_of_exact = 2.5;    // times the noise of most joints
 constexpr double detection = 0.05;       // p-value of a gap
+constexpr double same_delay = 1e-3;      // [s]
 constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
 /// Part of the gap's energy that so many effects have to explain: several together can imitate much.
@@ -107,6 +108,25 @@ bool inexact(const GapRows& rows, const GapModel& model, const std::vector<doubl
       for (const int j : u.block->channels) more = more || ratio[j] > most_of_exact * usual;
   }
   return more && left > blamed;
+}
+
+/// [s] by which the effects of a model make the channels late.
+Eigen::VectorXd lateness(const GapModel& model, int joints) {
+  Eigen::VectorXd late = Eigen::VectorXd::Zero(joints);
+  for (const Adopted& e : model.effects)
+    for (const UnitShape& u : e.units)
+      for (const int j : u.block->channels) late[j] += e.h->lateness(u.shape);
+  return late;
+}
+
+/// Several channels late by times of their own may all be late by one.
+Eigen::VectorXd common(const Eigen::VectorXd& late) {
+  std::vector<double> found;
+  for (const double x : late)
+    if (x != 0.0) found.push_back(x);
+  if (found.size() < 3) return late;
+  std::nth_element(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2), found.end());
+  return Eigen::VectorXd::Constant(late.size(), found[found.size() / 2]);
 }
 
 bool has_once(const GapModel& model) {
@@ -190,6 +210,12 @@ struct Chosen {
     if (model.effects.empty() || left_over(rows, model.fit.residual, tolerance)) return false;
     const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
     return left_over(held, detail::fit_terms(held, rest, {}, tolerance).residual, tolerance);
+  }
+
+  /// Channels are late, and that is not all that there is.
+  bool lateness_matters() const {
+    return !lateness(model, rows.joints()).isZero() &&
+           (model.effects.size() > 1 || left_over(rows, model.fit.residual, 0.0));
   }
 
   const GapRows rows, held;
@@ -558,7 +584,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   // What chooses and fits, and what only judges.
   say("nominal model", 0.05);
   const bool several = out.logs.size() > 1;
-  const GapRows everything(nominal, out.logs);
+  GapRows everything(nominal, out.logs);
   const Eigen::Index guard = 4;
   std::vector<bool> first(static_cast<std::size_t>(everything.size())), last = first;
   if (several) {
@@ -610,6 +636,31 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       chosen = std::move(other);
       std::swap(first, last);
       alone = true;
+    }
+  }
+  // Where channels are late, what other effects add there is late too: sought again with that known, until
+  // the delay that is found is the one that was assumed.
+  Eigen::VectorXd assumed = Eigen::VectorXd::Zero(nominal.size());
+  std::vector<const Hypothesis*> forms = library;
+  for (bool better = true; better && chosen->lateness_matters();) {
+    better = false;
+    const Eigen::VectorXd found = lateness(chosen->model, nominal.size());
+    for (const bool by_one : {true, false}) {
+      const Eigen::VectorXd late = by_one ? common(found) : found;
+      if ((late - assumed).cwiseAbs().maxCoeff() < same_delay || (by_one && late == found)) continue;
+      std::vector<const Hypothesis*> fewer = forms;
+      for (const Adopted& e : chosen->model.effects)
+        if (by_one && e.h->lateness(e.units.front().shape) != 0.0)
+          fewer.erase(std::find(fewer.begin(), fewer.end(), e.h));
+      const GapRows delayed = everything.late(late);
+      auto again = std::make_unique<Chosen>(delayed, first, last, fewer, options, say);
+      better = again->model.score > chosen->model.score + 1.0;
+      if (!better) continue;
+      chosen = std::move(again);
+      everything = delayed;
+      assumed = late;
+      forms = fewer;
+      break;
     }
   }
   const GapRows &rows = chosen->rows, &held = chosen->held;

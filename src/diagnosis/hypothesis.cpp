@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "dynid/error.hpp"
+#include "dynid/signal/filter.hpp"
 #include "effects/effects.hpp"
 
 namespace dynid {
@@ -51,13 +52,25 @@ const Hypothesis* find_hypothesis(const std::string& name) {
 }
 
 const Hypothesis* find_hypothesis(const Effect& effect) {
-  for (const auto& h : hypotheses())
-    if (h->name() == effect.name && effect.parameters.count(h->form()) > 0) return h.get();
-  return find_hypothesis(effect.name);
+  const Hypothesis *plain = nullptr, *named = nullptr;
+  std::size_t forms = 0;
+  for (const auto& h : hypotheses()) {
+    if (h->name() != effect.name) continue;
+    const auto own = effect.parameters.find(h->form());
+    if (h->form().empty()) plain = h.get();
+    if (own == effect.parameters.end()) continue;
+    if (std::any_of(own->second.begin(), own->second.end(), [](double x) { return x != 0.0; }))
+      return h.get();
+    if (++forms == 1) named = h.get();
+  }
+  // A form whose own parameter is 0 is what is meant only where the effect has no other.
+  if (plain != nullptr && (named == nullptr || effect.parameters.size() > forms)) return plain;
+  return named != nullptr ? named : find_hypothesis(effect.name);
 }
 
 Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion) {
-  Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(motion.samples(), robot.size());
+  Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(motion.samples(), robot.size()), delayed = tau;
+  Eigen::VectorXd lateness = Eigen::VectorXd::Zero(robot.size());
   for (const Effect& effect : robot.effects) {
     const Hypothesis* h = find_hypothesis(effect);
     if (h == nullptr) throw Error("effect '" + effect.name + "': unknown");
@@ -65,11 +78,18 @@ Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion) {
       Eigen::VectorXd c, shape;
       h->restore(robot, effect, unit, c, shape);
       const ColumnBlock block = h->columns(motion, unit, shape);
-      for (std::size_t k = 0; k < block.channels.size(); ++k)
-        tau.col(block.channels[k]) += block.values[k] * c;
+      const double late = h->lateness(shape);
+      for (std::size_t k = 0; k < block.channels.size(); ++k) {
+        const int j = block.channels[k];
+        lateness[j] += late;
+        (late != 0.0 ? delayed : tau).col(j) += block.values[k] * c;
+      }
     }
   }
-  return tau;
+  for (int j = 0; j < robot.size(); ++j)
+    if (lateness[j] != 0.0)
+      tau.col(j) = interpolate(motion.t, Eigen::VectorXd(tau.col(j)), motion.t.array() - lateness[j]);
+  return tau + delayed;
 }
 
 }  // namespace dynid

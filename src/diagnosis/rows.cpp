@@ -100,7 +100,7 @@ void GapRows::find_white_floor() {
 }
 
 GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
-    : motions_(other.motions_), stretches_(other.stretches_) {
+    : motions_(other.motions_), stretches_(other.stretches_), lateness_(other.lateness_) {
   std::vector<Eigen::Index> rows;
   parts.push_back(0);
   for (std::size_t p = 0; p + 1 < other.parts.size(); ++p) {
@@ -172,6 +172,11 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
     if (!used_[s]) continue;
     blocks[s] = h.columns((*motions_)[s], unit, shape);
     out.channels = blocks[s].channels;
+    if (lateness_.size() == 0 || h.lateness(shape) != 0.0) continue;
+    const Eigen::VectorXd& time = (*motions_)[s].t;
+    for (std::size_t k = 0; k < out.channels.size(); ++k)
+      for (auto column : blocks[s].values[k].colwise())
+        column = interpolate(time, Eigen::VectorXd(column), time.array() - lateness_[out.channels[k]]);
   }
   for (std::size_t k = 0; k < out.channels.size(); ++k) {
     std::vector<Eigen::MatrixXd> signals(blocks.size());
@@ -179,6 +184,12 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
       if (used_[s]) signals[s] = std::move(blocks[s].values[k]);
     out.values.push_back(filtered(signals));
   }
+  return out;
+}
+
+GapRows GapRows::late(const Eigen::VectorXd& lateness) const {
+  GapRows out = *this;
+  out.lateness_ = lateness;
   return out;
 }
 

@@ -37,6 +37,9 @@ class GapRows {
   int joints() const { return static_cast<int>(y.cols()); }
   Eigen::Index size() const { return y.rows(); }
   RowBlock block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+  /// The same rows with channels that are late by `lateness` (n) [s]: all that effects add is, but for what
+  /// an effect that makes them late adds itself.
+  GapRows late(const Eigen::VectorXd& lateness) const;
   /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
@@ -66,6 +69,7 @@ class GapRows {
   std::shared_ptr<const std::vector<GapMotion>> motions_;
   std::shared_ptr<const std::vector<Stretch>> stretches_;
   std::vector<Eigen::Index> kept_;  // empty: all
+  Eigen::VectorXd lateness_;        // of each channel; empty: none
   std::vector<bool> used_;          // of each stretch: it has rows that are kept; the others are not computed
   void make_nuisance();
   void find_white_floor();

@@ -565,6 +565,28 @@ TEST(Diagnose, EffectsThatShareJointsAreToldApart) {
   EXPECT_NEAR(shares, 1.0, 1e-9);
 }
 
+// Law: what is late is late for whatever adds to it.
+TEST(Diagnose, WhatOtherEffectsAddIsAsLate) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(
+      robot,
+      recorded(
+          robot,
+          {"time_delay:delay_s=0.027", "torque_ripple:joints=4+5,amplitude=0.87:0.81,order=59:77,phase=-1:2"},
+          51));
+  ASSERT_EQ(d.effects.size(), 2U) << to_string(d.verdict) << ", explained " << d.explained;
+  for (const FoundEffect& e : d.effects) {
+    if (e.effect.name == "time_delay") {
+      EXPECT_NEAR(value(e, "delay_s"), 0.027, 0.001);
+    } else {
+      EXPECT_EQ(e.effect.name, "torque_ripple");
+      EXPECT_EQ(e.effect.joints, (std::vector<int>{4, 5}));
+      EXPECT_NEAR(value(e, "order", 3), 59.0, 0.5);
+    }
+  }
+  EXPECT_GT(d.shrink.fraction, 0.95);
+}
+
 // Stick and slip: friction that falls with speed, seen through a filter far slower than the slip.
 TEST(Diagnose, FrictionThatSticksIsNamed) {
   const Robot robot = panda();

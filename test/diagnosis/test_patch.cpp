@@ -70,6 +70,26 @@ TEST(Patch, PredictsTheTorquesOfAnotherLog) {
   EXPECT_LT(rms_error(better, log), 0.03 * rms_error(nominal, log));
 }
 
+// Law: what an effect adds to a channel that is late is as late.
+TEST(Patch, WhatOtherEffectsAddIsAsLate) {
+  const Robot nominal = panda();
+  const Log log = logged(nominal, {}, 15);
+  const auto effects = [&](const std::vector<std::string>& texts) {
+    Robot robot = nominal;
+    for (const std::string& text : texts) robot.effects.push_back(parse_effect(text, robot));
+    return predict_effects(robot, log);
+  };
+  const std::string delay = "time_delay:delay_s=0.02",
+                    ripple = "torque_ripple:joints=2+4,amplitude=2,order=5,phase=0.3";
+  const Eigen::MatrixXd both = effects({ripple, delay}), alone = effects({delay}), now = effects({ripple});
+  Eigen::MatrixXd late = now;
+  for (auto column : late.colwise())
+    column = interpolate(log.t, Eigen::VectorXd(column), log.t.array() - 0.02);
+  const Eigen::Index inside = log.samples() - 50;
+  EXPECT_LT((both - alone - late).bottomRows(inside).norm(), 1e-3 * now.norm());
+  EXPECT_GT((both - alone - now).bottomRows(inside).norm(), 0.02 * now.norm());
+}
+
 TEST(Rollout, ReplaysWhatTheModelMade) {
   // Law: without a gap the replay is the motion itself, as far as the noise lets it.
   const Rollout r = diagnose(panda(), {logged(panda(), {}, 21), logged(panda(), {}, 22)}).rollout;

@@ -58,6 +58,9 @@ class Hypothesis {
   /// special case, or can nearly imitate it, less than 1.
   virtual double prior() const { return 1.0; }
 
+  /// [s] by which it makes the torque of its channels late: what other effects add there is as late.
+  virtual double lateness(const Eigen::VectorXd&) const { return 0.0; }
+
   /// The truth is seldom of just this form: what the effect leaves need not be something else.
   virtual bool approximate() const { return false; }
 

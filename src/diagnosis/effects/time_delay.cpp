@@ -11,6 +11,7 @@ class TimeDelay : public Hypothesis {
   std::string name() const override { return "time_delay"; }
   Scope scope() const override { return Scope::arm; }
   bool shape_only() const override { return true; }
+  double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
   std::vector<ShapeParameter> shape() const override { return {{"delay_s", "s", -0.05, 0.05, 21, false}}; }
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd& shape) const override {
     Eigen::MatrixXd late(motion.samples(), motion.joints());

@@ -12,6 +12,7 @@ class TimeDelayOfChannels : public OwnTorque {
   std::string form() const override { return "channel_delay_s"; }
   double prior() const override { return 0.4; }
   bool shape_only() const override { return true; }
+  double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
   std::vector<ShapeParameter> shape() const override {
     return {{"channel_delay_s", "s", -0.05, 0.05, 21, false}};
   }
