@@ -278,8 +278,8 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
     const auto found = e.parameters.find(p.key);
     if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
       continue;
-    if (p.key == "link") continue;  // a name, not a number
     for (Eigen::Index i = 0; i < p.value.size(); ++i) {
+      if (p.low[i] == p.high[i]) continue;  // chosen, not measured
       double truth = found->second[static_cast<std::size_t>(i)];
       if (e.name == "gravity_tilt") truth = turned_positive(e, p.key, p.value[i]);
       if (p.key == "phase") truth = turned_to(p.value[i], truth, 2.0 * M_PI);

@@ -19,30 +19,29 @@ namespace {
 
 constexpr double interval = 0.9;
 constexpr std::size_t least_cases = 30;
-constexpr double median_of_interval =
-    0.6745 / 1.6449;  // of a normal error, in half widths of its 90 % interval
-
-double quantile(std::vector<double> x, double part) {
-  std::sort(x.begin(), x.end());
-  return x[std::min(x.size() - 1, static_cast<std::size_t>(part * double(x.size())))];
-}
+constexpr double least_of_parameter = 4.0;  // cases that tell how well its standard deviations hold
 
 /// A value that counts as `weight` of a case: those of one case are not independent.
 struct Weighted {
   double value, weight;
 };
 
-/// What a further case's value is below with probability `part`, by the ranks of those seen; `otherwise`, or
-/// the largest where that is more, where they are too few to tell (Vovk, Gammerman and Shafer 2005).
-double next_quantile(std::vector<Weighted> x, double part, double otherwise) {
+double cases_of(const std::vector<Weighted>& x) {
+  double sum = 0.0;
+  for (const Weighted& w : x) sum += w.weight;
+  return sum;
+}
+
+/// What nine in ten of the cases are not above.
+double quantile(std::vector<Weighted> x) {
   std::sort(x.begin(), x.end(), [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
-  double cases = 0.0, seen = 0.0;
-  for (const Weighted& w : x) cases += w.weight;
+  const double enough = interval * cases_of(x) - 1e-9;
+  double seen = 0.0;
   for (const Weighted& w : x) {
     seen += w.weight;
-    if (seen >= part * (cases + 1.0) - 1e-9) return w.value;
+    if (seen >= enough) return w.value;
   }
-  return std::max(x.back().value, otherwise);
+  return x.back().value;
 }
 
 /// One parameter's error, and half its interval before any factor.
@@ -137,12 +136,18 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       }
     }
   }
+  // The factors are those of the parameter in the middle: more than half have no error of their form.
   for (const bool off : {false, true}) {
-    std::vector<double> middle;
+    std::map<std::string, std::vector<Weighted>> ratios;
     for (const Error90& e : errors)
-      if (e.off == off) middle.push_back(e.error / std::max(e.half, 1e-12));
-    if (middle.size() >= least_cases)
-      (off ? best.interval_factor_off : best.interval_factor) = quantile(middle, 0.5) / median_of_interval;
+      if (e.off == off) ratios[e.parameter].push_back({e.error / std::max(e.half, 1e-12), e.weight});
+    std::vector<double> factors;
+    for (const auto& [parameter, x] : ratios)
+      if (cases_of(x) >= least_of_parameter) factors.push_back(quantile(x));
+    if (factors.empty()) continue;
+    const auto middle = factors.begin() + static_cast<std::ptrdiff_t>((factors.size() - 1) / 2);
+    std::nth_element(factors.begin(), middle, factors.end());
+    (off ? best.interval_factor_off : best.interval_factor) = *middle;
   }
   best.form_errors.clear();
   std::map<std::string, std::vector<Weighted>> form;
@@ -153,9 +158,8 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
     form[e.parameter].push_back({rest, e.weight});
     all.push_back({rest, e.weight});
   }
-  if (!all.empty()) best.form_error = next_quantile(all, interval, 0.0);
-  for (const auto& [parameter, rest] : form)
-    best.form_errors[parameter] = next_quantile(rest, interval, best.form_error);
+  if (!all.empty()) best.form_error = quantile(all);
+  for (const auto& [parameter, rest] : form) best.form_errors[parameter] = quantile(rest);
   return best;
 }
 

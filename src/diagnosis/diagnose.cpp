@@ -36,7 +36,9 @@ constexpr double fully_explained = 0.9;  // part of the gap's energy
 constexpr double left_by_exact = 0.03;   // of it, by effects of exact forms
 constexpr double most_of_exact = 2.5;    // times the noise of most joints
 constexpr double detection = 0.05;       // p-value of a gap
+constexpr double indistinct = 4.0;       // log evidence between aliases
 constexpr double same_delay = 1e-3;      // [s]
+constexpr int most_passes = 2;           // of the search with a delay that is known
 constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
 /// Part of the gap's energy that so many effects have to explain: several together can imitate much.
@@ -484,10 +486,11 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
       std::sort(x.data(), x.data() + x.size());
       const double value = estimate.value[i], below = std::max(0.0, value - x[draws / 20]),
                    above = std::max(0.0, x[draws - 1 - draws / 20] - value);
-      const bool name = best.keys[k] == "link";  // not a number
-      const double form =
-          name ? 0.0
-               : calibration().form_error_of(e.h->name(), best.keys[k]) * Calibration::scale(estimate, i);
+      // What is chosen (a link, a sign), not measured, has no interval.
+      const bool measured = below > 0.0 || above > 0.0;
+      const double form = measured ? calibration().form_error_of(e.h->name(), best.keys[k]) *
+                                         Calibration::scale(estimate, i)
+                                   : 0.0;
       estimate.low[i] = value - std::hypot(below, form);
       estimate.high[i] = value + std::hypot(above, form);
     }
@@ -639,10 +642,11 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
     }
   }
   // Where channels are late, what other effects add there is late too: sought again with that known, until
-  // the delay that is found is the one that was assumed.
+  // the delay that is found is the one that was assumed, or no better set is.
   Eigen::VectorXd assumed = Eigen::VectorXd::Zero(nominal.size());
   std::vector<const Hypothesis*> forms = library;
-  for (bool better = true; better && chosen->lateness_matters();) {
+  bool better = true;
+  for (int pass = 0; pass < most_passes && better && chosen->lateness_matters(); ++pass) {
     better = false;
     const Eigen::VectorXd found = lateness(chosen->model, nominal.size());
     for (const bool by_one : {true, false}) {
@@ -772,7 +776,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       const std::string name = m.effects.back().h->name();
       double& best = scores.emplace(name, m.score).first->second;
       best = std::max(best, m.score);
-      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - temperature)
+      if (name != model.effects[k].h->name() && m.fit.total > model.fit.total - indistinct)
         found.aliases.push_back(name);
     }
     double sum = 0.0;

@@ -8,11 +8,10 @@
 #include <cmath>
 #include <limits>
 
-#include "dynid/diagnosis/calibration.hpp"
-
 namespace dynid::detail {
 namespace {
 
+constexpr double prior_weight = 4.0;  // rows are not as independent as the evidence takes them to be
 constexpr double joint_gain = 6.0;    // log evidence that a further joint of an effect has to bring
 constexpr double effect_gain = 10.0;  // and a further effect
 // Of a joint's gap (energy) that a further effect has to explain: what is left of it is also what the forms
@@ -130,6 +129,21 @@ Eigen::MatrixXd lower_half(const GapRows& rows, const Eigen::MatrixXd& x) {
   return y;
 }
 
+/// Rows in which no window of the effects acts; all, where they leave too few.
+std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector<Adopted>& effects) {
+  std::vector<Eigen::Index> out, all;
+  for (Eigen::Index i = 0; i < rows.size(); ++i) {
+    all.push_back(i);
+    bool acts = false;
+    for (const Adopted& e : effects)
+      for (const UnitShape& u : e.units)
+        for (std::size_t c = 0; e.h->scope() == Scope::window && c < u.block->channels.size(); ++c)
+          acts = acts || !u.block->values[c].row(i).isZero(0.0);
+    if (!acts) out.push_back(i);
+  }
+  return 4 * out.size() > all.size() ? out : all;
+}
+
 Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right) {
   Eigen::MatrixXd both(right.rows(), left.cols() + right.cols());
   both << left, right;
@@ -177,7 +191,7 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library)
 
 double Search::cost(const Adopted& effect) const {
   // Each coefficient and each shape parameter by Schwarz, the choice of joints by its number of outcomes.
-  double cost = -calibration().temperature * std::log(effect.h->prior());
+  double cost = -prior_weight * std::log(effect.h->prior());
   for (const UnitShape& unit : effect.units) cost += price(*effect.h, unit);
   if (effect.h->scope() == Scope::window) cost += 2.0 * std::log(double(rows_.size()));
   return cost;
@@ -716,17 +730,20 @@ GapModel Search::best(double kappa, int most) const {
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
     if (next.empty() || next[0].score < model.score + effect_gain) break;
-    // A further effect has to matter beside those before it, on one joint at least.
+    // A further effect has to matter beside those before it, on one joint at least; beside a window, where
+    // that is not.
     if (!model.effects.empty()) {
+      const std::vector<Eigen::Index> where = outside_windows(rows_, model.effects);
+      const auto energy = [&](const Eigen::MatrixXd& x) -> Eigen::RowVectorXd {
+        return x(where, Eigen::all).colwise().squaredNorm();
+      };
       Eigen::RowVectorXd part = Eigen::RowVectorXd::Constant(rows_.joints(), least_part_of_exact);
       for (const Adopted& e : model.effects)
         for (const UnitShape& u : e.units)
-          if (e.h->approximate())
+          if (e.h->approximate() && e.h->scope() != Scope::window)
             for (const int j : u.block->channels) part[j] = least_part;
-      const Eigen::RowVectorXd gained =
-          model.fit.left.colwise().squaredNorm() - next[0].fit.left.colwise().squaredNorm();
-      const Eigen::RowVectorXd gap = rows_.y.colwise().squaredNorm();
-      const Eigen::RowVectorXd noise = next[0].fit.residual.colwise().squaredNorm();
+      const Eigen::RowVectorXd gained = energy(model.fit.left) - energy(next[0].fit.left);
+      const Eigen::RowVectorXd gap = energy(rows_.y), noise = energy(next[0].fit.residual);
       if ((gained.array() < part.array() * gap.array() || gained.array() < least_gain * noise.array()).all())
         break;
     }

@@ -138,6 +138,7 @@ INSTANTIATE_TEST_SUITE_P(
         Known{"coulomb_friction:joints=2+4,coefficient=0.9", "coulomb_friction", "coefficient", 1, 0.9, 0.1},
         Known{"viscous_friction:joints=3,coefficient=1.5", "viscous_friction", "coefficient", 2, 1.5, 0.05},
         Known{"gravity_tilt:angle_deg=2", "gravity_tilt", "angle_deg", 0, 2.0, 0.05},
+        Known{"gravity_tilt:angle_deg=2,direction_deg=40", "gravity_tilt", "direction_deg", 0, 40.0, 0.1},
         Known{"joint_spring:joints=1+5,stiffness=2,rest=0.2", "joint_spring", "stiffness", 4, 2.0, 0.05},
         Known{"torque_offset:joints=4,offset=1.2", "torque_offset", "offset", 3, 1.2, 0.05},
         Known{"time_delay:delay_s=0.02", "time_delay", "delay_s", 0, 0.02, 0.1},

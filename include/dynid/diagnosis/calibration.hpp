@@ -42,7 +42,8 @@ struct Calibration {
 const Calibration& calibration();
 
 /// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
-/// the middle of the errors (interval factors) and their 90 % quantile (form errors). Throws Error on fewer
+/// the 90 % quantile of the errors of the parameter in the middle (interval factors) and, of each parameter,
+/// that of what is beyond (form errors). Values of one case count as one. Throws Error on fewer
 /// than 30 cases with an effect named.
 Calibration fit_calibration(const std::vector<BlindCase>& cases);
 /// Text of a calibration file; `command` is the one that made it.

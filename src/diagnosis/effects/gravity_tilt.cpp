@@ -32,16 +32,17 @@ class GravityTilt : public Hypothesis {
   }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {
+    // Gravity is turned about a horizontal axis, whose azimuth is a quarter turn behind where it leans to.
     return {
         {"angle_deg", "deg", Eigen::VectorXd::Constant(1, std::asin(std::min(1.0, c.norm())) * 180 / M_PI),
          false},
-        {"direction_deg", "deg", Eigen::VectorXd::Constant(1, std::atan2(c[1], c[0]) * 180 / M_PI), false}};
+        {"direction_deg", "deg", Eigen::VectorXd::Constant(1, std::atan2(-c[0], c[1]) * 180 / M_PI), false}};
   }
   void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
     const double angle = arm_value(effect, "angle_deg", 1)[0] * M_PI / 180;
     const double direction = arm_value(effect, "direction_deg", 1)[0] * M_PI / 180;
-    c = std::sin(angle) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+    c = std::sin(angle) * Eigen::Vector2d(-std::sin(direction), std::cos(direction));
     shape.resize(0);
   }
   bool enter(Robot& robot, const Effect& effect) const override {
