@@ -38,6 +38,7 @@ constexpr double most_of_exact = 2.5;    // times the noise of most joints
 constexpr double detection = 0.05;       // p-value of a gap
 constexpr double indistinct = 4.0;       // log evidence between aliases
 constexpr double same_delay = 1e-3;      // [s]
+constexpr double least_of_delay = 0.02;  // of the gap's energy
 constexpr int most_passes = 2;           // of the search with a delay that is known
 constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
@@ -214,10 +215,17 @@ struct Chosen {
     return left_over(held, detail::fit_terms(held, rest, {}, tolerance).residual, tolerance);
   }
 
-  /// Channels are late, and that is not all that there is.
+  /// Channels are late by what shows, and that is not all that there is.
   bool lateness_matters() const {
-    return !lateness(model, rows.joints()).isZero() &&
-           (model.effects.size() > 1 || left_over(rows, model.fit.residual, 0.0));
+    std::vector<Adopted> others;
+    for (const Adopted& e : model.effects)
+      if (e.h->lateness(e.units.front().shape) == 0.0) others.push_back(e);
+    if (others.size() == model.effects.size() ||
+        (others.empty() && !left_over(rows, model.fit.residual, 0.0)))
+      return false;
+    const Eigen::MatrixXd left = search.evaluate(std::move(others), model.kappa).fit.left;
+    return energy(left, rows.white_floor) - energy(model.fit.left, rows.white_floor) >
+           least_of_delay * energy(rows.y, rows.white_floor);
   }
 
   const GapRows rows, held;
@@ -260,6 +268,36 @@ struct Chosen {
       model = search.exchanged(search.evaluate(std::move(once), model.kappa));
   }
 };
+
+/// Where channels are late, what other effects add there is late too: sought again with that known, until the
+/// delay that is found is the one that was assumed, or no better set is. Makes `everything` late as well.
+void seek_with_delay(GapRows& everything, std::unique_ptr<Chosen>& chosen, const std::vector<bool>& to_fit,
+                     const std::vector<bool>& to_judge, std::vector<const Hypothesis*> library,
+                     const DiagnoseOptions& options, const Say& say) {
+  Eigen::VectorXd assumed = Eigen::VectorXd::Zero(everything.joints());
+  bool better = true;
+  for (int pass = 0; pass < most_passes && better && chosen->lateness_matters(); ++pass) {
+    better = false;
+    const Eigen::VectorXd found = lateness(chosen->model, everything.joints());
+    for (const bool by_one : {true, false}) {
+      const Eigen::VectorXd late = by_one ? common(found) : found;
+      if ((late - assumed).cwiseAbs().maxCoeff() < same_delay || (by_one && late == found)) continue;
+      std::vector<const Hypothesis*> forms = library;
+      for (const Adopted& e : chosen->model.effects)
+        if (by_one && e.h->lateness(e.units.front().shape) != 0.0)
+          forms.erase(std::remove(forms.begin(), forms.end(), e.h), forms.end());
+      const GapRows delayed = everything.late(late);
+      auto again = std::make_unique<Chosen>(delayed, to_fit, to_judge, forms, options, say);
+      better = again->model.score > chosen->model.score + 1.0;
+      if (!better) continue;
+      chosen = std::move(again);
+      everything = delayed;
+      assumed = late;
+      library = std::move(forms);
+      break;
+    }
+  }
+}
 
 /// What each effect takes of the explained energy, averaged over the orders in which they may come (Shapley;
 /// Lindeman, Merenda and Gold 1980), of a sum of 1.
@@ -641,32 +679,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
       alone = true;
     }
   }
-  // Where channels are late, what other effects add there is late too: sought again with that known, until
-  // the delay that is found is the one that was assumed, or no better set is.
-  Eigen::VectorXd assumed = Eigen::VectorXd::Zero(nominal.size());
-  std::vector<const Hypothesis*> forms = library;
-  bool better = true;
-  for (int pass = 0; pass < most_passes && better && chosen->lateness_matters(); ++pass) {
-    better = false;
-    const Eigen::VectorXd found = lateness(chosen->model, nominal.size());
-    for (const bool by_one : {true, false}) {
-      const Eigen::VectorXd late = by_one ? common(found) : found;
-      if ((late - assumed).cwiseAbs().maxCoeff() < same_delay || (by_one && late == found)) continue;
-      std::vector<const Hypothesis*> fewer = forms;
-      for (const Adopted& e : chosen->model.effects)
-        if (by_one && e.h->lateness(e.units.front().shape) != 0.0)
-          fewer.erase(std::find(fewer.begin(), fewer.end(), e.h));
-      const GapRows delayed = everything.late(late);
-      auto again = std::make_unique<Chosen>(delayed, first, last, fewer, options, say);
-      better = again->model.score > chosen->model.score + 1.0;
-      if (!better) continue;
-      chosen = std::move(again);
-      everything = delayed;
-      assumed = late;
-      forms = fewer;
-      break;
-    }
-  }
+  seek_with_delay(everything, chosen, first, last, library, options, say);
   const GapRows &rows = chosen->rows, &held = chosen->held;
   const Search& search = chosen->search;
   GapModel& model = chosen->model;

@@ -149,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(
               0.9, 0.1},
         Known{"torque_saturation:joints=7,limit=0.2", "torque_saturation", "limit", 6, 0.2, 0.05},
         Known{"backlash:joints=2,gap=0.0018", "backlash", "gap", 1, 0.0018, 0.2}),
-    [](const auto& known) { return std::string(known.param.name); });
+    [](const auto& known) { return std::string(known.param.name) + "_" + known.param.key; });
 
 // Ripple far above the filter's band, wherever the joint is not slow.
 TEST(Diagnose, FineRippleIsNamed) {
@@ -292,6 +292,23 @@ TEST(Diagnose, ContactIsToldByTheStampsOfItsLog) {
 }
 
 // Which link is touched is decided by what one point of it can do, not by how many joints it moves.
+// A contact's energy, large where it acts, hides nothing where it does not.
+TEST(Diagnose, ASmallEffectBesideAContactIsNamed) {
+  const Robot robot = panda();
+  const std::string zeros = "encoder_offset:joints=2+3+4,offset=0.0224:0.024:0.0649";
+  std::vector<Log> logs = recorded(robot, {zeros}, 81);
+  logs[0] = recorded(robot,
+                     {zeros,
+                      "external_contact:link=7,force=-24.4:-23.1:-8.2,point=0.07:-0.067:0.069,start=2.3,"
+                      "duration=1.13"},
+                     81)[0];
+  const Diagnosis d = diagnose(robot, logs);
+  ASSERT_EQ(d.effects.size(), 2U) << to_string(d.verdict) << ", explained " << d.explained;
+  EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+  EXPECT_EQ(d.effects[1].effect.name, "encoder_offset");
+  EXPECT_EQ(d.effects[1].effect.joints, (std::vector<int>{2, 3, 4}));
+}
+
 TEST(Diagnose, ContactIsOnItsLink) {
   const Robot robot = panda();
   for (const int link : {3, 5}) {
@@ -688,6 +705,24 @@ TEST(Calibration, FindsErrorsOfTheForm) {
   const Calibration fitted = fit_calibration(cases);
   EXPECT_LT(fitted.form_error_of("a", "exact"), 0.02);
   EXPECT_NEAR(fitted.form_error_of("a", "off"), 1.6449 * 0.2, 0.08);
+}
+
+// An angle is the same after a turn, and what is chosen, not measured, has no interval to hold the truth.
+TEST(Calibration, ComparesAnglesAndMeasuredValues) {
+  BlindCase c;
+  c.truth = {{"torque_ripple", {1}, {{"phase", {-3.1}}, {"order", {7.0}}}}};
+  FoundEffect found;
+  found.effect = {"torque_ripple", {1}, {}};
+  const auto estimate = [](const char* key, const char* unit, double value, double half) {
+    const auto number = [](double x) { return Eigen::VectorXd::Constant(1, x); };
+    return Estimate{key, unit, number(value), number(value - half), number(value + half)};
+  };
+  found.parameters = {estimate("phase", "rad", 3.15, 0.1), estimate("order", "1", 7.0, 0.0)};
+  c.found = {found};
+  const std::vector<ComparedInterval> compared = compared_intervals(c);
+  ASSERT_EQ(compared.size(), 1U);
+  EXPECT_EQ(compared[0].parameter, "phase");
+  EXPECT_NEAR(compared[0].truth, 2.0 * M_PI - 3.1, 1e-12);
 }
 
 TEST(Diagnose, BadInputIsNamed) {

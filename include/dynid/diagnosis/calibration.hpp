@@ -31,7 +31,7 @@ struct Calibration {
       if (e.unit == unit) return 1.0;
     return e.value.size() >= 4 ? std::abs(e.value[i]) : e.value.norm();
   }
-  /// Of parameter `parameter` of effect `effect`, relative [1].
+  /// Of parameter `parameter` of effect `effect`, in units of scale().
   double form_error_of(const std::string& effect, const std::string& parameter) const {
     const auto found = form_errors.find(effect + "." + parameter);
     return found != form_errors.end() ? found->second : form_error;
