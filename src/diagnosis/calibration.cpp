@@ -18,25 +18,20 @@ extern const char* const calibration_in_use;  // made by CMake from config/diagn
 namespace {
 
 constexpr double interval = 0.9;
-constexpr std::size_t least_cases = 30;
-constexpr double least_of_parameter = 4.0;  // cases that tell how well its standard deviations hold
+constexpr std::size_t least_cases = 30, none = std::size_t(-1);
+constexpr double step_of_factor = 1.05, largest_factor = 6.0;
 
 /// A value that counts as `weight` of a case: those of one case are not independent.
 struct Weighted {
   double value, weight;
 };
 
-double cases_of(const std::vector<Weighted>& x) {
-  double sum = 0.0;
-  for (const Weighted& w : x) sum += w.weight;
-  return sum;
-}
-
 /// What nine in ten of the cases are not above.
 double quantile(std::vector<Weighted> x) {
   std::sort(x.begin(), x.end(), [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
-  const double enough = interval * cases_of(x) - 1e-9;
-  double seen = 0.0;
+  double cases = 0.0, seen = 0.0;
+  for (const Weighted& w : x) cases += w.weight;
+  const double enough = interval * cases - 1e-9;
   for (const Weighted& w : x) {
     seen += w.weight;
     if (seen >= enough) return w.value;
@@ -49,7 +44,41 @@ struct Error90 {
   std::string parameter;  // "effect.parameter"
   bool off;               // the nominal model is
   double error, half, scale, weight;
+  std::size_t of_case;
 };
+
+/// What an error is beyond the factor's part of its interval, in units of its scale.
+double beyond(const Error90& e, const Calibration& c) {
+  const double half = (e.off ? c.interval_factor_off : c.interval_factor) * e.half;
+  return std::sqrt(std::max(0.0, e.error * e.error - half * half)) / e.scale;
+}
+
+/// Form errors of each parameter from all cases but one (or of all, where it is none of them).
+std::map<std::string, double> form_errors(const std::vector<Error90>& errors, const Calibration& c,
+                                          std::size_t but) {
+  std::map<std::string, std::vector<Weighted>> seen;
+  for (const Error90& e : errors)
+    if (e.of_case != but) seen[e.parameter].push_back({beyond(e, c), e.weight});
+  std::map<std::string, double> out;
+  for (const auto& [parameter, x] : seen) out[parameter] = quantile(x);
+  return out;
+}
+
+/// Part of the intervals with the nominal model right, or off, that hold the truth of a case left out.
+double left_out_coverage(const std::vector<Error90>& errors, const Calibration& c, bool off) {
+  int covered = 0, all = 0;
+  std::map<std::string, double> forms;
+  std::size_t left_out = none;
+  for (const Error90& e : errors) {  // those of one case are together
+    if (e.off != off) continue;
+    if (e.of_case != left_out) forms = form_errors(errors, c, left_out = e.of_case);
+    const auto form = forms.find(e.parameter);
+    if (form == forms.end()) continue;
+    ++all;
+    if (beyond(e, c) <= form->second) ++covered;
+  }
+  return all > 0 ? double(covered) / all : 1.0;
+}
 
 /// One case's first effect: was it right, and what the ranking and the rest of the gap say of it.
 struct Named {
@@ -111,7 +140,7 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       const double plain = std::sqrt(std::max(0.0, half * half - form * form));
       errors.push_back({effect + "." + i.parameter, off, std::abs(i.truth - i.value),
                         plain / (off ? old.interval_factor_off : old.interval_factor), i.scale,
-                        1.0 / double(alike)});
+                        1.0 / double(alike), named.size()});
     }
   }
   if (named.size() < least_cases)
@@ -136,30 +165,20 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       }
     }
   }
-  // The factors are those of the parameter in the middle: more than half have no error of their form.
-  for (const bool off : {false, true}) {
-    std::map<std::string, std::vector<Weighted>> ratios;
-    for (const Error90& e : errors)
-      if (e.off == off) ratios[e.parameter].push_back({e.error / std::max(e.half, 1e-12), e.weight});
-    std::vector<double> factors;
-    for (const auto& [parameter, x] : ratios)
-      if (cases_of(x) >= least_of_parameter) factors.push_back(quantile(x));
-    if (factors.empty()) continue;
-    const auto middle = factors.begin() + static_cast<std::ptrdiff_t>((factors.size() - 1) / 2);
-    std::nth_element(factors.begin(), middle, factors.end());
-    (off ? best.interval_factor_off : best.interval_factor) = *middle;
+  // The least factors, not below 1, with which nine in ten hold; what each does to the other is little.
+  best.interval_factor = best.interval_factor_off = 1.0;
+  for (int turn = 0; turn < 2; ++turn) {
+    for (const bool off : {false, true}) {
+      double& factor = off ? best.interval_factor_off : best.interval_factor;
+      factor = 1.0;
+      while (factor < largest_factor && left_out_coverage(errors, best, off) < interval)
+        factor *= step_of_factor;
+    }
   }
-  best.form_errors.clear();
-  std::map<std::string, std::vector<Weighted>> form;
+  best.form_errors = form_errors(errors, best, none);
   std::vector<Weighted> all;
-  for (const Error90& e : errors) {
-    const double half = (e.off ? best.interval_factor_off : best.interval_factor) * e.half;
-    const double rest = std::sqrt(std::max(0.0, e.error * e.error - half * half)) / e.scale;
-    form[e.parameter].push_back({rest, e.weight});
-    all.push_back({rest, e.weight});
-  }
+  for (const Error90& e : errors) all.push_back({beyond(e, best), e.weight});
   if (!all.empty()) best.form_error = quantile(all);
-  for (const auto& [parameter, rest] : form) best.form_errors[parameter] = quantile(rest);
   return best;
 }
 

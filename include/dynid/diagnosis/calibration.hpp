@@ -42,9 +42,9 @@ struct Calibration {
 const Calibration& calibration();
 
 /// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
-/// the 90 % quantile of the errors of the parameter in the middle (interval factors) and, of each parameter,
-/// that of what is beyond (form errors). Values of one case count as one. Throws Error on fewer
-/// than 30 cases with an effect named.
+/// of each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values of
+/// one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the truth
+/// of a case left out. Throws Error on fewer than 30 cases with an effect named.
 Calibration fit_calibration(const std::vector<BlindCase>& cases);
 /// Text of a calibration file; `command` is the one that made it.
 std::string calibration_yaml(const Calibration& calibration, const std::string& command);
