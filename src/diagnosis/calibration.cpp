@@ -130,6 +130,7 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
     named.push_back(std::move(n));
     const std::vector<ComparedInterval> intervals = compared_intervals(c);
     for (const ComparedInterval& i : intervals) {
+      if (i.scale == 0.0) continue;  // of no size: nothing to be relative to
       const auto alike =
           std::count_if(intervals.begin(), intervals.end(),
                         [&](const ComparedInterval& other) { return other.parameter == i.parameter; });
