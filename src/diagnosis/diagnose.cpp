@@ -39,6 +39,7 @@ constexpr double detection = 0.05;       // p-value of a gap
 constexpr double indistinct = 4.0;       // log evidence between aliases
 constexpr double same_delay = 1e-3;      // [s]
 constexpr double least_of_delay = 0.02;  // of the gap's energy
+constexpr double least_better = 1.0;     // log evidence for the set found with it
 constexpr int most_passes = 2;           // of the search with a delay that is known
 constexpr double block_seconds = 1.0;    // of held-out blocks and of the bootstrap
 
@@ -288,7 +289,7 @@ void seek_with_delay(GapRows& everything, std::unique_ptr<Chosen>& chosen, const
           forms.erase(std::remove(forms.begin(), forms.end(), e.h), forms.end());
       const GapRows delayed = everything.late(late);
       auto again = std::make_unique<Chosen>(delayed, to_fit, to_judge, forms, options, say);
-      better = again->model.score > chosen->model.score + 1.0;
+      better = again->model.score > chosen->model.score + least_better;
       if (!better) continue;
       chosen = std::move(again);
       everything = delayed;
