@@ -19,9 +19,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/dynamics/kinematics.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "ros/joint_state.hpp"
 #include "ros/parameters.hpp"

@@ -23,9 +23,9 @@
 #include <sstream>
 #include <thread>
 
-#include "dynid/command.hpp"
-#include "dynid/error.hpp"
-#include "dynid/pipeline.hpp"
+#include "cli/command.hpp"
+#include "cli/pipeline.hpp"
+#include "dynid/base/error.hpp"
 #include "ros/bag.hpp"
 #include "ros/exciting_command.hpp"
 #include "ros/parameters.hpp"

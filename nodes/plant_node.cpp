@@ -20,9 +20,9 @@
 #include <mutex>
 #include <thread>
 
+#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/for_simulation.hpp"
 #include "dynid/dynamics/kinematics.hpp"
-#include "dynid/error.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "ros/parameters.hpp"

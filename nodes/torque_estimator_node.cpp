@@ -17,7 +17,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/model/yaml.hpp"
 #include "ros/estimator_core.hpp"
 #include "ros/estimator_diagnostics.hpp"

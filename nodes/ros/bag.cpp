@@ -19,8 +19,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "ros/joint_state.hpp"
 
 namespace dynid {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ros/estimator_setup.hpp"
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <utility>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

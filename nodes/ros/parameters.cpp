@@ -7,7 +7,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

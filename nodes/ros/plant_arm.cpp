@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/perturbed.hpp"
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <functional>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 namespace {

@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/perturbed.hpp"
 #include "dynid/simulation/random_motion.hpp"

@@ -9,9 +9,9 @@
 #include <memory>
 #include <random>
 
+#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "next_experiment.hpp"
 #include "rollout.hpp"
@@ -527,9 +527,9 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
                    above = std::max(0.0, x[draws - 1 - draws / 20] - value);
       // What is chosen (a link, a sign), not measured, has no interval.
       const bool measured = below > 0.0 || above > 0.0;
-      const double form = measured ? calibration().form_error_of(e.h->name(), best.keys[k]) *
-                                         Calibration::scale(estimate, i)
-                                   : 0.0;
+      const double form =
+          measured ? calibration().form_error_of(e.h->name(), best.keys[k]) * Calibration::scale(estimate, i)
+                   : 0.0;
       estimate.low[i] = value - std::hypot(below, form);
       estimate.high[i] = value + std::hypot(above, form);
     }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/effect_prediction.hpp"
 
+#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/gap_motion.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/prepare.hpp"
 #include "rows.hpp"

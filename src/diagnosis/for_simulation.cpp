@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "effects/effects.hpp"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "effects/effects.hpp"
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <sstream>
 
-#include "dynid/plot.hpp"
+#include "base/plot.hpp"
 
 namespace dynid {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/friction/friction.hpp"
 
 namespace dynid {

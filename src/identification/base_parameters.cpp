@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <random>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/model.hpp"
 #include "dynid/dynamics/regressor.hpp"
 #include "dynid/dynamics/workspace.hpp"
-#include "dynid/error.hpp"
 
 namespace dynid {
 namespace {

@@ -16,10 +16,10 @@
 #include <random>
 #include <sstream>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/dynamics/regressor.hpp"
-#include "dynid/error.hpp"
 #include "dynid/friction/friction.hpp"
 #include "dynid/identification/least_squares.hpp"
 #include "dynid/identification/predict.hpp"

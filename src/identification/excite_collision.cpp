@@ -8,8 +8,8 @@
 #include <initializer_list>
 #include <set>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 
 namespace dynid {
 namespace {

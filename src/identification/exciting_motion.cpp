@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 namespace {

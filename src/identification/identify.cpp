@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/friction/fit.hpp"
 #include "dynid/friction/friction.hpp"
 #include "dynid/identification/least_squares.hpp"

@@ -8,7 +8,7 @@
 #include <limits>
 #include <sstream>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

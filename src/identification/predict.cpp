@@ -3,10 +3,10 @@
 
 #include <string>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/model.hpp"
 #include "dynid/dynamics/workspace.hpp"
-#include "dynid/error.hpp"
 #include "dynid/friction/friction.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/prepare.hpp"

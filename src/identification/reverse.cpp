@@ -6,10 +6,10 @@
 #include <functional>
 #include <numeric>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/inertia_stack_regressor.hpp"
 #include "dynid/dynamics/model.hpp"
 #include "dynid/dynamics/workspace.hpp"
-#include "dynid/error.hpp"
 #include "dynid/identification/least_squares.hpp"
 #include "dynid/signal/table.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/model/robot_file.hpp"
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"
 

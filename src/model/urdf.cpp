@@ -6,7 +6,7 @@
 #include <limits>
 #include <set>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "not_expressed.hpp"
 #include "text.hpp"
 #include "urdf_chain.hpp"

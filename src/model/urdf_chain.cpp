@@ -7,7 +7,7 @@
 #include <map>
 #include <mutex>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid::detail {
 

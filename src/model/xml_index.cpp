@@ -5,7 +5,7 @@
 
 #include <memory>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid::detail {
 namespace {

@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "text.hpp"
 
 namespace dynid {

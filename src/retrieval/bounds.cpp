@@ -9,8 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/retrieval/shape.hpp"
 
 namespace dynid {

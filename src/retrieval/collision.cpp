@@ -5,8 +5,8 @@
 #include <sstream>
 
 #include "../model/urdf_chain.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/retrieval/shape.hpp"
 #include "hull.hpp"
 

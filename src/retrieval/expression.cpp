@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/retrieval/constraint.hpp"
 
 namespace dynid {

@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 extern "C" {
 #include <libqhull_r/qhull_ra.h>

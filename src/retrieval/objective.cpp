@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

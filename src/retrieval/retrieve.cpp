@@ -9,7 +9,7 @@
 #include <mutex>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/retrieval/retrieval.hpp"
 #include "global.hpp"
 #include "local.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "hull.hpp"
 
 namespace dynid {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/retrieval/retrieval.hpp"
 
 namespace dynid {

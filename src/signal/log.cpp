@@ -3,7 +3,7 @@
 
 #include <sstream>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/table.hpp"
 
 namespace dynid {

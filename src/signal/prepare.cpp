@@ -7,7 +7,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/spectrum.hpp"
 

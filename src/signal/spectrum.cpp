@@ -8,7 +8,7 @@
 #include <unsupported/Eigen/FFT>
 #include <vector>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

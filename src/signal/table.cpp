@@ -14,8 +14,8 @@
 #include <string_view>
 #include <system_error>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 
 namespace dynid {
 namespace {

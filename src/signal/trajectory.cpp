@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/table.hpp"
 
 namespace dynid {

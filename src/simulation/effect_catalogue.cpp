@@ -7,8 +7,8 @@
 #include <numeric>
 #include <string_view>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/gravity.hpp"
-#include "dynid/error.hpp"
 #include "effects/effect_model.hpp"
 
 namespace dynid {

@@ -4,7 +4,7 @@
 #include <Eigen/Cholesky>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <string>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/detail/write.hpp"
 #include "dynid/dynamics/forward_dynamics.hpp"
-#include "dynid/error.hpp"
 #include "effects/effect_model.hpp"
 #include "rigid_body.hpp"
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/perturbed.hpp"
 #include "dynid/simulation/plant.hpp"

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/signal/trajectory.hpp"
 
 namespace dynid {

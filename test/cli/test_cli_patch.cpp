@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 
 namespace dynid {
 namespace {

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/signal/log.hpp"
 #include "dynid/signal/table.hpp"
 

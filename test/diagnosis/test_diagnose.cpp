@@ -12,12 +12,12 @@
 #include <random>
 #include <set>
 
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/blind.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/effect_prediction.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/robot_file.hpp"
@@ -586,12 +586,11 @@ TEST(Diagnose, EffectsThatShareJointsAreToldApart) {
 // Law: what is late is late for whatever adds to it.
 TEST(Diagnose, WhatOtherEffectsAddIsAsLate) {
   const Robot robot = panda();
-  const Diagnosis d = diagnose(
-      robot,
-      recorded(
-          robot,
-          {"time_delay:delay_s=0.027", "torque_ripple:joints=4+5,amplitude=0.87:0.81,order=59:77,phase=-1:2"},
-          51));
+  const Diagnosis d =
+      diagnose(robot, recorded(robot,
+                               {"time_delay:delay_s=0.027",
+                                "torque_ripple:joints=4+5,amplitude=0.87:0.81,order=59:77,phase=-1:2"},
+                               51));
   ASSERT_EQ(d.effects.size(), 2U) << to_string(d.verdict) << ", explained " << d.explained;
   for (const FoundEffect& e : d.effects) {
     if (e.effect.name == "time_delay") {

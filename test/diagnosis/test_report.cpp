@@ -11,8 +11,8 @@
 #include <filesystem>
 #include <string>
 
-#include "dynid/file.hpp"
-#include "dynid/plot.hpp"
+#include "base/plot.hpp"
+#include "dynid/base/file.hpp"
 
 namespace dynid {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/friction/fit.hpp"
 #include "dynid/friction/friction.hpp"
 

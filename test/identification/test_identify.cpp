@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <set>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/identification/reverse.hpp"
 #include "dynid/model/robot_file.hpp"

@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/identification/least_squares.hpp"
 
 namespace dynid {

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"
 #include "random_robot.hpp"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <sstream>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "random_robot.hpp"
 
 namespace dynid {

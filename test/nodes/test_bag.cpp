@@ -16,8 +16,8 @@
 #include <random>
 #include <sstream>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "identification/synthetic.hpp"
 #include "ros/bag.hpp"
 

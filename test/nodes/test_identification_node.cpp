@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/signal/trajectory.hpp"
 #include "identification/synthetic.hpp"
 #include "ros/bag.hpp"

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/dynamics.hpp"
-#include "dynid/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/simulate.hpp"
 #include "ros/plant_arm.hpp"

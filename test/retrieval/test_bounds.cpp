@@ -10,7 +10,7 @@
 #include <random>
 
 #include "../../src/retrieval/differences.hpp"
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/retrieval/shape.hpp"
 
 namespace dynid {

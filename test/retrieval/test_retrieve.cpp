@@ -6,8 +6,8 @@
 #include <cstdlib>
 
 #include "../../src/retrieval/local.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/dynamics.hpp"
-#include "dynid/error.hpp"
 #include "dynid/identification/reverse.hpp"
 #include "dynid/identification/triangular_factor.hpp"
 #include "dynid/model/robot_file.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/spectrum.hpp"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/prepare.hpp"
 
 namespace dynid {

@@ -7,7 +7,7 @@
 #include <functional>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/log.hpp"
 #include "dynid/signal/table.hpp"
 

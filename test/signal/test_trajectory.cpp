@@ -7,7 +7,7 @@
 #include <fstream>
 #include <random>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/signal/trajectory.hpp"
 
 namespace dynid {

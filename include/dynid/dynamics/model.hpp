@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/model/robot.hpp"
 
 namespace dynid {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/error.hpp"
 #include "dynid/dynamics/kinematics.hpp"
-#include "dynid/error.hpp"
 
 namespace dynid {
 

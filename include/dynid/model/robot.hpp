@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/model/effect.hpp"
 #include "dynid/model/friction_parameters.hpp"
 #include "dynid/model/link_inertia.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Friction and inertia on the sum (or difference) of two joints' speeds, as in geared wrists.
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {

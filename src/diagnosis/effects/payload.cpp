@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {

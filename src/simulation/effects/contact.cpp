@@ -2,7 +2,7 @@
 // external_contact: a force on a point of a link, in the axes of the base frame, for some time.
 #include <cmath>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {

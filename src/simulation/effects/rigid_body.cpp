@@ -2,7 +2,7 @@
 // Effects that are another rigid body: payload, link_inertial_error, gravity_tilt, rotor_inertia.
 #include <cmath>
 
-#include "dynid/error.hpp"
+#include "dynid/base/error.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {

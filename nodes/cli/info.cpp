@@ -2,9 +2,9 @@
 #include <cmath>
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/identification/base_parameters.hpp"
 
 namespace dynid {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/plot.hpp"
+#include "base/plot.hpp"
 
 #include <stdlib.h>  // mkstemp, which is POSIX's; NOLINT(modernize-deprecated-headers)
 #include <unistd.h>

@@ -7,14 +7,14 @@
 #include <iostream>
 #include <sstream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "base/plot.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/yaml.hpp"
-#include "dynid/plot.hpp"
 #include "dynid/signal/table.hpp"
 #include "dynid/simulation/simulate.hpp"
 

@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/for_simulation.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 #include "dynid/signal/log.hpp"
 #include "dynid/signal/trajectory.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"

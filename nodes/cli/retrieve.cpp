@@ -4,9 +4,9 @@
 #include <csignal>
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/retrieval/mpi.hpp"

@@ -4,9 +4,9 @@
 #include <iostream>
 #include <map>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/model/yaml.hpp"
 
 namespace dynid {

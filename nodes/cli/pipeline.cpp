@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/pipeline.hpp"
+#include "cli/pipeline.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <utility>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
-#include "dynid/run_command.hpp"
+#include "cli/run_command.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 
 namespace dynid {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/command.hpp"
+#include "cli/command.hpp"
 
 #include <unistd.h>
 
@@ -10,8 +10,8 @@
 #include <iostream>
 #include <sstream>
 
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #ifdef DYNID_WITH_ROSBAG
 #include "ros/bag.hpp"
 #endif

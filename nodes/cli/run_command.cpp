@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/run_command.hpp"
+#include "cli/run_command.hpp"
 
 #include <algorithm>
 
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/file.hpp"
+#include "dynid/base/file.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "random_robot.hpp"
+#include "model/random_robot.hpp"
 
 namespace dynid {
 namespace {

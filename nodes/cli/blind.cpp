@@ -5,11 +5,11 @@
 #include <iomanip>
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/calibration.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 
 namespace dynid {
 namespace {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/model/export.hpp"
 #include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"

@@ -7,10 +7,10 @@
 #include <iostream>
 #include <map>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/identification/least_squares.hpp"
 #include "dynid/signal/trajectory.hpp"
 

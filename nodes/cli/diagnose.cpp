@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/diagnosis/report.hpp"
-#include "dynid/error.hpp"
-#include "dynid/file.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/signal/log.hpp"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/effect_prediction.hpp"
-#include "dynid/error.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/signal/table.hpp"
 

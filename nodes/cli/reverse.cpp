@@ -3,8 +3,8 @@
 
 #include <iostream>
 
-#include "dynid/command.hpp"
-#include "dynid/commands.hpp"
+#include "cli/command.hpp"
+#include "cli/commands.hpp"
 #include "dynid/model/yaml.hpp"
 
 namespace dynid {
