@@ -21,7 +21,6 @@
 #include <thread>
 
 #include "dynid/base/error.hpp"
-#include "dynid/diagnosis/for_simulation.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
@@ -103,10 +102,9 @@ Robot PlantNode::read_robot() const {
   const std::string path = parameters_.required_text("model");
   std::vector<Inconsistency> broken;
   try {
-    const Robot robot =
-        for_simulation(read_model_file(path, parameters_.text("base", ""), parameters_.text("tip", ""),
-                                       Consistency::warn, &broken)
-                           .robot);
+    const Robot robot = read_model_file(path, parameters_.text("base", ""), parameters_.text("tip", ""),
+                                        Consistency::warn, &broken)
+                            .robot;
     for (const Inconsistency& b : broken) ROS_WARN_STREAM(path << ": " << describe(b));
     return robot;
   } catch (const Error& error) {

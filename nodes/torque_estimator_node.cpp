@@ -92,7 +92,7 @@ class TorqueEstimatorNode {
   /// The model with the payload and gravity in use.
   TorqueModel<> model() const { return model(setup_.model.file.robot, setup_.payload); }
   TorqueModel<> model(const Robot& robot, const LinkInertia& payload) const {
-    TorqueModel<> made(robot);
+    TorqueModel<> made(robot, Uncompensated::ignore);  // refused, if that was asked for, as it was read
     if (payload.mass > 0.0) made.set_payload(payload);
     made.set_gravity(frames_.gravity());
     return made;

@@ -7,7 +7,6 @@
 #include "cli/commands.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
-#include "dynid/diagnosis/for_simulation.hpp"
 #include "dynid/signal/log.hpp"
 #include "dynid/signal/trajectory.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
@@ -31,7 +30,8 @@ struct Arguments {
 /// A single number stands alone, as people write it.
 nlohmann::json label(const Effect& effect) {
   nlohmann::json parameters = nlohmann::json::object();
-  for (const EffectParameter& p : simulation_effect(effect.name).parameters) {
+  for (const EffectParameter& p : effect_schema(effect.name).parameters) {
+    if (effect.parameters.count(p.key) == 0) continue;  // of another form
     const std::vector<double>& values = effect.parameters.at(p.key);
     if (p.per_joint || values.size() > 1) {
       parameters[p.key] = values;
@@ -52,43 +52,35 @@ std::string in_a_list(const std::vector<double>& values) {
   return text;
 }
 
-const char* scope_name(EffectScope scope) {
-  switch (scope) {
-    case EffectScope::joints:
-      return "joints";
-    case EffectScope::one_link:
-      return "one_link";
-    case EffectScope::pair:
-      return "pair";
-    case EffectScope::whole_arm:
-      break;
-  }
-  return "whole_arm";
-}
-
 /// `--effects`.
 void list_effects(const Output& output) {
   nlohmann::json result = nlohmann::json::array();
-  for (const EffectSpec& spec : simulation_effects()) {
+  for (const EffectSchema& spec : effect_schemas()) {
     nlohmann::json parameters = nlohmann::json::array();
-    for (const EffectParameter& p : spec.parameters)
+    for (const EffectParameter& p : spec.parameters) {
       parameters.push_back({{"key", p.key},
                             {"unit", p.unit},
                             {"text", p.text},
                             {"per_joint", p.per_joint},
                             {"size", p.initial.size()},
                             {"default", p.initial},
-                            {"drawn_from", p.low},
-                            {"drawn_to", p.high}});
+                            {"required", p.required()},
+                            {"form", p.form}});
+      for (const EffectDraw& draw : effect_draws(spec.name))
+        if (draw.key == p.key) {
+          parameters.back()["drawn_from"] = draw.low;
+          parameters.back()["drawn_to"] = draw.high;
+        }
+    }
     result.push_back({{"name", spec.name},
                       {"text", spec.text},
-                      {"scope", scope_name(spec.scope)},
+                      {"scope", to_string(spec.scope)},
                       {"parameters", parameters}});
   }
   output.write({{"effects", result}});
   if (!output.summary()) return;
   std::cout << "Torque added on the measured side; * one value for each joint.\n";
-  for (const EffectSpec& spec : simulation_effects()) {
+  for (const EffectSchema& spec : effect_schemas()) {
     std::cout << "\n" << spec.name << ": " << spec.text << "\n";
     for (const EffectParameter& p : spec.parameters) {
       char line[160];
@@ -112,12 +104,7 @@ void run(const Arguments& a) {
   if (a.duration > 0.0 && !a.excite) throw Error("simulate: --duration goes with --excite");
   if (is_bag(a.trajectory)) throw Error(a.trajectory + ": a motion to follow is a CSV file, not a bag");
   a.output.check({a.out, a.labels});
-  Robot robot = a.model.read(a.output).robot;
-  try {
-    robot = for_simulation(robot);
-  } catch (const Error& error) {
-    throw Error(a.model.path + ": " + error.what());
-  }
+  const Robot robot = a.model.read(a.output).robot;
   std::vector<Effect> effects;
   for (const std::string& text : a.effects) {
     try {

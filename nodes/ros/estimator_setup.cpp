@@ -8,10 +8,12 @@ namespace dynid {
 EstimatorModel read_estimator_model(const Parameters& parameters) {
   EstimatorModel model;
   model.path = parameters.required_text("model");
+  const bool ignore = parameters.choice("uncompensated_effects", "refuse", {"refuse", "ignore"}) == "ignore";
   try {
     model.file = read_model_file(model.path, parameters.text("base", ""), parameters.text("tip", ""),
                                  Consistency::warn, &model.broken);
-    TorqueModel<>(model.file.robot);  // throws where an effect has not what it needs
+    // Throws where an effect has not what it needs, or cannot run in the loop.
+    TorqueModel<>(model.file.robot, ignore ? Uncompensated::ignore : Uncompensated::refuse);
   } catch (const Error& error) {
     parameters.refuse("model", error.what());
   }

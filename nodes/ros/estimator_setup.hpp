@@ -37,7 +37,8 @@ struct EstimatorSetup {
 /// Throws Error, one line that begins with the parameter's full name.
 EstimatorSetup read_estimator_setup(const Parameters& parameters);
 /// The file named by ~model, with ~base and ~tip for a URDF. A model that no body can have is taken, and
-/// said.
+/// said. Effects that the loop cannot compute are refused by name, or with ~uncompensated_effects `ignore`
+/// left out, and said.
 EstimatorModel read_estimator_model(const Parameters& parameters);
 /// ~payload/mass, ~payload/com, ~payload/inertia.
 LinkInertia read_estimator_payload(const Parameters& parameters);

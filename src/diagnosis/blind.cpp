@@ -51,7 +51,7 @@ Draw draw_case(const Robot& robot, const BlindOptions& options, int index, int a
   std::mt19937_64 random(sequence);
   std::uniform_real_distribution<double> uniform;
   const double strength = kind_of(options, index) == BlindKind::weak ? 0.3 : 1.0;
-  const auto& catalogue = simulation_effects();
+  const auto& catalogue = effect_schemas();
   const auto any = [&] { return catalogue[random() % catalogue.size()].name; };
   Draw draw;
   draw.seed = random();
@@ -275,6 +275,7 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
       link->second != true_link->second)
     return out;  // what belongs to another link is in another frame
   for (const Estimate& p : first.parameters) {
+    if (p.key == "velocity_scale" && p.per_joint) continue;  // smooths a sign: nothing that a joint has
     const auto found = e.parameters.find(p.key);
     if (found == e.parameters.end() || found->second.size() != static_cast<std::size_t>(p.value.size()))
       continue;
@@ -284,8 +285,8 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
       if (e.name == "gravity_tilt") truth = turned_positive(e, p.key, p.value[i]);
       if (p.key == "phase") truth = turned_to(p.value[i], truth, 2.0 * M_PI);
       const int joint = static_cast<int>(i) + 1;
-      const bool per_joint = p.value.size() >= 4;
-      if (truth == 0.0 || (per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint)))) continue;
+      if (truth == 0.0 || (p.per_joint && !(has(e.joints, joint) && has(first.effect.joints, joint))))
+        continue;
       out.push_back({p.key, p.value[i], p.low[i], p.high[i], truth, Calibration::scale(p, i)});
     }
   }

@@ -12,6 +12,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/effect/enter.hpp"
 #include "dynid/signal/filter.hpp"
 #include "next_experiment.hpp"
 #include "rollout.hpp"
@@ -414,6 +415,7 @@ void put_window(std::vector<GapWindow>& windows, const GapWindow& found) {
 /// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
 struct Values {
   std::vector<std::string> keys, units;
+  std::vector<bool> per_joint;
   std::vector<Eigen::VectorXd> values;
 };
 Values values_of(const Robot& robot, const Adopted& e, const Eigen::VectorXd& theta,
@@ -429,8 +431,10 @@ Values values_of(const Robot& robot, const Adopted& e, const Eigen::VectorXd& th
       if (k == 0) {
         out.keys.push_back(named[i].key);
         out.units.push_back(named[i].unit);
+        out.per_joint.push_back(named[i].per_joint);
         out.values.push_back(named[i].per_joint ? Eigen::VectorXd::Zero(robot.size()) : named[i].value);
-      }
+      } else if (out.units[i].find(named[i].unit) == std::string::npos)
+        out.units[i] += " or " + named[i].unit;  // joints of both types
       if (named[i].per_joint) out.values[i][e.units[k].unit] = named[i].value[0];
     }
   }
@@ -519,7 +523,8 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (const UnitShape& u : e.units)
     for (const int j : e.h->joints(robot, u.unit)) found.effect.joints.push_back(j);
   for (std::size_t k = 0; k < best.keys.size(); ++k) {
-    Estimate estimate{best.keys[k], best.units[k], best.values[k], best.values[k], best.values[k]};
+    Estimate estimate{best.keys[k],   best.units[k],  best.values[k],
+                      best.values[k], best.values[k], best.per_joint[k]};
     for (Eigen::Index i = 0; i < best.values[k].size(); ++i) {
       Eigen::VectorXd x = drawn[k].row(i).transpose();
       std::sort(x.data(), x.data() + x.size());
@@ -850,9 +855,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
 Robot patched(const Robot& nominal, const std::vector<FoundEffect>& effects) {
   Robot robot = nominal;
   for (const FoundEffect& found : effects) {
-    const Hypothesis* h = find_hypothesis(found.effect);
-    if (h == nullptr) throw Error("effect '" + found.effect.name + "': unknown");
-    if (!h->enter(robot, found.effect)) robot.effects.push_back(found.effect);
+    const Effect effect = checked_effect(found.effect, robot);
+    if (!enter_effect(robot, effect)) robot.effects.push_back(effect);
   }
   return robot;
 }

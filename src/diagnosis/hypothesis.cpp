@@ -3,8 +3,13 @@
 
 #include <algorithm>
 #include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "dynid/base/error.hpp"
+#include "dynid/effect/complete.hpp"
+#include "dynid/effect/derived.hpp"
 #include "dynid/signal/filter.hpp"
 #include "effects/effects.hpp"
 
@@ -52,28 +57,31 @@ const Hypothesis* find_hypothesis(const std::string& name) {
 }
 
 const Hypothesis* find_hypothesis(const Effect& effect) {
-  const Hypothesis *plain = nullptr, *named = nullptr;
-  std::size_t forms = 0;
+  const EffectSchema* const schema = find_effect_schema(effect.name);
+  if (schema == nullptr || schema->forms.empty() || effect.joints.empty())
+    return find_hypothesis(effect.name);
+  std::string form = effect_form(effect, effect.joints.front() - 1);
+  // A joint that warms by moving and cools again is nearest to one that does not cool.
+  if (effect.name == "thermal_friction_drift" && motion_constant(effect, effect.joints.front() - 1) > 0.0)
+    form = "motion_constant";
+  const Hypothesis* plain = nullptr;
   for (const auto& h : hypotheses()) {
     if (h->name() != effect.name) continue;
-    const auto own = effect.parameters.find(h->form());
+    if (h->form() == form) return h.get();
     if (h->form().empty()) plain = h.get();
-    if (own == effect.parameters.end()) continue;
-    if (std::any_of(own->second.begin(), own->second.end(), [](double x) { return x != 0.0; }))
-      return h.get();
-    if (++forms == 1) named = h.get();
   }
-  // A form whose own parameter is 0 is what is meant only where the effect has no other.
-  if (plain != nullptr && (named == nullptr || effect.parameters.size() > forms)) return plain;
-  return named != nullptr ? named : find_hypothesis(effect.name);
+  return plain != nullptr ? plain : find_hypothesis(effect.name);
 }
 
 Eigen::MatrixXd effect_torque(const Robot& robot, const GapMotion& motion) {
   Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(motion.samples(), robot.size()), delayed = tau;
   Eigen::VectorXd lateness = Eigen::VectorXd::Zero(robot.size());
-  for (const Effect& effect : robot.effects) {
+  std::vector<Effect> effects;
+  for (const Effect& effect : robot.effects)
+    for (Effect& part : split_forms(checked_effect(effect, robot), robot)) effects.push_back(std::move(part));
+  for (const Effect& effect : effects) {
     const Hypothesis* h = find_hypothesis(effect);
-    if (h == nullptr) throw Error("effect '" + effect.name + "': unknown");
+    if (h == nullptr) throw Error("effect '" + effect.name + "': the diagnosis has no law for it");
     for (const int unit : detail::units_of(*h, robot, effect)) {
       Eigen::VectorXd c, shape;
       h->restore(robot, effect, unit, c, shape);

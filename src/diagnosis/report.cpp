@@ -508,17 +508,6 @@ class Page {
     out_ << "</p></div></section>\n";
   }
 
-  bool per_joint(const FoundEffect& e, const Estimate& p) const {
-    // A list over joints has their number of values and zeros beside the effect's own joints.
-    if (p.value.size() != n_ || n_ < 2) return false;
-    for (Eigen::Index k = 0; k < n_; ++k)
-      if (std::find(e.effect.joints.begin(), e.effect.joints.end(), static_cast<int>(k) + 1) ==
-              e.effect.joints.end() &&
-          p.value[k] != 0.0)
-        return false;
-    return n_ != 3 && n_ != 6 ? true : static_cast<Eigen::Index>(e.effect.joints.size()) < n_;
-  }
-
   static std::string header(const Estimate& p) {
     std::string unit = p.unit == "1" ? "" : " [" + p.unit + "]";
     if (const std::size_t square = unit.find("^2"); square != std::string::npos)
@@ -534,7 +523,7 @@ class Page {
 
   void parameters(const FoundEffect& e) {
     std::vector<const Estimate*> lists, others;
-    for (const Estimate& p : e.parameters) (per_joint(e, p) ? lists : others).push_back(&p);
+    for (const Estimate& p : e.parameters) (p.per_joint ? lists : others).push_back(&p);
     if (!lists.empty()) {
       out_ << "<div class=\"scroll\"><table class=\"fit\"><thead><tr><th>joint</th>";
       for (const Estimate* p : lists) out_ << "<th>" << header(*p) << "</th>";

@@ -128,16 +128,14 @@ struct Spring {
 };
 
 Spring spring_of(const Robot& robot, std::size_t k) {
-  Spring spring;
+  LoopTerms terms(robot.size());
   for (const Effect& effect : robot.effects) {
-    if (effect.name != "joint_spring") continue;
-    const auto stiffness = effect.parameters.find("stiffness"), rest = effect.parameters.find("rest");
-    if (stiffness == effect.parameters.end() || stiffness->second.size() != robot.joints.size()) continue;
-    spring.stiffness += stiffness->second[k];
-    if (rest != effect.parameters.end() && rest->second.size() == robot.joints.size())
-      spring.moment += stiffness->second[k] * rest->second[k];
+    const EffectSchema* const schema = find_effect_schema(effect.name);
+    if (schema != nullptr && detail::says(*schema, ExportFormat::mjcf))
+      schema->compile(terms, checked_effect(effect, robot));
   }
-  return spring;
+  const auto j = static_cast<Eigen::Index>(k);
+  return {terms.stiffness[j], -terms.offset[j]};
 }
 
 std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std::string>& list) {
@@ -160,7 +158,8 @@ std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std
     text += attribute("stiffness", number(spring.stiffness)) +
             attribute("springref", number(spring.moment / spring.stiffness + 0.0));
   else if (spring.stiffness < 0.0 || spring.moment != 0.0)
-    list.push_back(prefix + "spring of stiffness " + number(spring.stiffness) + " N m/rad");
+    list.push_back(prefix + "spring of stiffness " + number(spring.stiffness) + " " +
+                   unit_of("N m/rad", joint.type));
   if (friction.coulomb < 0.0)
     list.push_back(prefix + "negative Coulomb friction " + number(friction.coulomb) + " N m");
   if (joint.rotor_inertia < 0.0)
@@ -272,8 +271,9 @@ std::string quoted(const std::string& text) {
 
 }  // namespace
 
-ExportText to_mjcf(const Robot& robot) {
-  validate(robot);
+ExportText to_mjcf(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   check_names(robot);
   ExportText out;
   std::string& text = out.text;
@@ -306,12 +306,13 @@ ExportText to_mjcf(const Robot& robot) {
     text += indent + "</body>\n";
   }
   text += "  </worldbody>\n  <actuator>\n" + motors + "  </actuator>\n</mujoco>\n";
-  list_effects_not_expressed(robot, {"joint_spring"}, out.not_expressed);
+  list_effects_not_expressed(robot, ExportFormat::mjcf, out.not_expressed);
   return out;
 }
 
-ExportText to_sdf(const Robot& robot) {
-  validate(robot);
+ExportText to_sdf(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   check_names(robot);
   ExportText out;
   std::string& text = out.text;
@@ -351,12 +352,13 @@ ExportText to_sdf(const Robot& robot) {
   text += "  </model>\n</sdf>\n";
   out.not_expressed.push_back("gravity " + triple(robot.gravity) +
                               " m/s^2 in the base frame: a property of the world in SDF");
-  list_effects_not_expressed(robot, {}, out.not_expressed);
+  list_effects_not_expressed(robot, ExportFormat::sdf, out.not_expressed);
   return out;
 }
 
-ExportText to_franka_inertials(const Robot& robot) {
-  validate(robot);
+ExportText to_franka_inertials(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   ExportText out;
   int k = 0;
   for (const Joint& joint : robot.joints) {
@@ -372,12 +374,13 @@ ExportText to_franka_inertials(const Robot& robot) {
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
   }
   out.not_expressed.emplace_back("everything but the inertia of the moving links: frames, limits, friction");
-  list_effects_not_expressed(robot, {}, out.not_expressed);
+  list_effects_not_expressed(robot, ExportFormat::franka, out.not_expressed);
   return out;
 }
 
-ExportText to_header(const Robot& robot) {
-  validate(robot);
+ExportText to_header(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   ExportText out;
   const int n = robot.size();
   const std::string size = "[" + std::to_string(n) + "]";
@@ -490,7 +493,7 @@ Robot make_robot() {
 
 }  // namespace )" +
               identifier(robot.name) + "\n";
-  list_effects_not_expressed(robot, {}, out.not_expressed);
+  list_effects_not_expressed(robot, ExportFormat::header, out.not_expressed);
   return out;
 }
 

@@ -315,8 +315,9 @@ Robot read_urdf(const std::string& path, const std::string& base, const std::str
   return parse_urdf(read_file(path), path, base, tip);
 }
 
-UrdfText to_urdf(const Robot& robot) {
-  validate(robot);
+UrdfText to_urdf(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   UrdfText urdf;
   std::set<std::string> joint_names, link_names{robot.base_link};
   urdf.text = "<?xml version=\"1.0\"?>\n<robot" + attribute("name", robot.name) + ">\n";
@@ -343,12 +344,13 @@ UrdfText to_urdf(const Robot& robot) {
   }
   urdf.text += "</robot>\n";
   list_gravity_not_expressed(robot.gravity, urdf_gravity, urdf.not_expressed);
-  detail::list_effects_not_expressed(robot, {}, urdf.not_expressed);
+  detail::list_effects_not_expressed(robot, ExportFormat::urdf, urdf.not_expressed);
   return urdf;
 }
 
-UrdfText update_urdf(const std::string& text, const std::string& name, const Robot& robot) {
-  validate(robot);
+UrdfText update_urdf(const std::string& text, const std::string& name, const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
   const auto elements = detail::index_xml(text, name);
   const auto known = [&](const std::string& link) {
     return detail::find_named(elements, "link", link) != nullptr ? link : std::string();
@@ -371,7 +373,7 @@ UrdfText update_urdf(const std::string& text, const std::string& name, const Rob
                                urdf.not_expressed);
   }
   list_gravity_not_expressed(robot.gravity, theirs.gravity, urdf.not_expressed);
-  detail::list_effects_not_expressed(robot, {}, urdf.not_expressed);
+  detail::list_effects_not_expressed(robot, ExportFormat::urdf, urdf.not_expressed);
   urdf.text = edits.apply(text);
   return urdf;
 }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "dynid/base/file.hpp"
+#include "dynid/effect/complete.hpp"
 #include "text.hpp"
 
 namespace dynid {
@@ -294,7 +295,9 @@ Coefficient read_coefficient(const Item& item) {
   return coefficient;
 }
 
-Effect read_effect(const Item& item, int joints) {
+/// The robot's joints are those of the file, read before.
+Effect read_effect(const Item& item, const Robot& robot) {
+  const int joints = robot.size();
   item.expect_keys({"name", "joints", "parameters"});
   Effect effect;
   effect.name = item.at("name").name();
@@ -311,7 +314,11 @@ Effect read_effect(const Item& item, int joints) {
     std::vector<double>& numbers = effect.parameters[key];
     for (const Item& entry : value.list()) numbers.push_back(entry.number());
   }
-  return effect;
+  try {
+    return checked_effect(effect, robot);
+  } catch (const Error& error) {
+    item.fail(error.what());
+  }
 }
 
 ModelFile read_document(const Item& item) {
@@ -339,7 +346,7 @@ ModelFile read_document(const Item& item) {
   if (robot.joints.empty()) item.at("joints").fail("has no joint");
   if (item.has("effects")) {
     for (const Item& entry : item.at("effects").list()) {
-      robot.effects.push_back(read_effect(entry, robot.size()));
+      robot.effects.push_back(read_effect(entry, robot));
     }
   }
   if (item.has("coefficients")) {
@@ -567,7 +574,7 @@ std::string to_yaml(const ModelFile& model) {
   out << YAML::EndSeq;
   if (!robot.effects.empty()) {
     out << YAML::Key << "effects" << YAML::Value << YAML::BeginSeq;
-    for (const Effect& effect : robot.effects) put_effect(out, effect);
+    for (const Effect& effect : robot.effects) put_effect(out, checked_effect(effect, robot));
     out << YAML::EndSeq;
   }
   if (!model.coefficients.empty()) {

@@ -10,12 +10,12 @@
 
 #include "dynid/diagnosis/diagnose.hpp"
 #include "dynid/diagnosis/effect_prediction.hpp"
-#include "dynid/diagnosis/for_simulation.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/export.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/plant.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
 #ifdef DYNID_HAVE_MUJOCO
@@ -109,27 +109,24 @@ TEST(Rollout, ShrinksWithTheEffect) {
 }
 
 TEST(Patch, GoesBackIntoTheSimulation) {
-  const Robot better = patched(panda(), found(panda())), truth = for_simulation(better);
-  const Log again = logged(truth, {}, 14);
+  const Robot better = patched(panda(), found(panda()));
+  const Log again = logged(better, {}, 14);
   EXPECT_LT(rms_error(better, again), 0.03 * rms_error(panda(), again));
 }
 
-TEST(Patch, SlipElementsBecomeBristlesOfTheSameStiffness) {
-  Robot robot = panda();
-  robot.effects.push_back({"presliding_hysteresis",
-                           {3},
-                           {{"coulomb", {0, 0, 1.2, 0, 0, 0, 0}}, {"slip", {0, 0, 0.04, 0, 0, 0, 0}}}});
-  robot.effects.push_back({"asymmetric_coulomb_friction",
-                           {1, 2},
-                           {{"coefficient_positive", {1, 2, 0, 0, 0, 0, 0}},
-                            {"coefficient_negative", {3, 4, 0, 0, 0, 0, 0}},
-                            {"velocity_scale", {0.01, 0.02, 0, 0, 0, 0, 0}}}});
-  const Robot ready = for_simulation(robot);
-  ASSERT_EQ(ready.effects.size(), 3u);
-  EXPECT_NEAR(ready.effects[0].parameters.at("stiffness")[2], 30.0, 1e-12);
-  EXPECT_EQ(ready.effects[1].joints, std::vector<int>{1});
-  EXPECT_EQ(ready.effects[2].parameters.at("velocity_scale"), std::vector<double>{0.02});
-  for (const Effect& e : ready.effects) EXPECT_NO_THROW(complete_effect(e, ready));
+// Law: a bristle and a slip element of the same stiffness are one effect in two forms, for the plant and for
+// the fitted law alike.
+TEST(Patch, BothFormsOfPreslidingAreTheSame) {
+  Robot slip = panda(), bristle = panda();
+  const std::vector<double> coulomb = {0, 0, 1.2, 0, 0, 0, 0};
+  slip.effects = {{"presliding_hysteresis", {3}, {{"coulomb", coulomb}, {"slip", {0.04}}}}};
+  bristle.effects = {
+      {"presliding_hysteresis", {3}, {{"coulomb", coulomb}, {"stiffness", {30.0}}, {"damping", {0.0}}}}};
+  const Log log = logged(slip, {}, 16), other = logged(bristle, {}, 16);
+  EXPECT_LT((log.tau - other.tau).cwiseAbs().maxCoeff(), 1e-9);
+  const Eigen::MatrixXd a = predict_effects(slip, log), b = predict_effects(bristle, log);
+  EXPECT_GT(a.norm(), 1.0);
+  EXPECT_LT((a - b).norm(), 1e-9 * a.norm());
 }
 
 // Either form of a backlash is the simulation's backlash again; a dead zone takes there what it takes here, a
@@ -140,10 +137,11 @@ TEST(Patch, BothFormsOfBacklashAreSimulated) {
       {"backlash",
        {4},
        {{"dead_zone", {0, 0, 0, 0.9, 0, 0, 0}}, {"contact_torque", {0, 0, 0, 0.1, 0, 0, 0}}}});
-  const Log dead_zone = logged(for_simulation(robot), {}, 14);
+  const Log dead_zone = logged(robot, {}, 14);
   EXPECT_LT(rms_error(robot, dead_zone), 0.2 * rms_error(panda(), dead_zone));
   robot.effects[0].parameters = {{"gap", {0, 0, 0, 0.02, 0, 0, 0}}, {"stiffness", {0, 0, 0, 15000, 0, 0, 0}}};
-  EXPECT_EQ(for_simulation(robot).effects[0].parameters.at("gap")[3], 0.02);
+  EXPECT_EQ(complete_effect(robot.effects[0], robot).parameters.at("gap")[3], 0.02);
+  EXPECT_NO_THROW(Plant{robot});
 }
 
 // A joint that warms by its own motion becomes the simulation's, whose friction falls straight instead.
@@ -153,9 +151,7 @@ TEST(Patch, DriftByMotionIsSimulated) {
       {"thermal_friction_drift",
        {2, 4},
        {{"coefficient", {0, 3, 0, 4, 0, 0, 0}}, {"motion_constant", {0, 1, 0, 2, 0, 0, 0}}}});
-  const Robot ready = for_simulation(robot);
-  EXPECT_NO_THROW(complete_effect(ready.effects[0], ready));
-  const Log log = logged(ready, {}, 14);
+  const Log log = logged(robot, {}, 14);
   EXPECT_LT(rms_error(robot, log), 0.4 * rms_error(panda(), log));
 }
 
@@ -170,7 +166,7 @@ TEST(Patch, WhatCannotBeSimulatedIsRefusedByName) {
                             {"duration", {1}},
                             {"rise_time", {0.02}}}});
   try {
-    for_simulation(robot);
+    const Plant plant(robot);
     FAIL();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("external_contact"), std::string::npos) << error.what();

@@ -216,19 +216,20 @@ TEST(TorqueModel, PayloadIsABodyAtTheTip) {
 
 TEST(TorqueModel, CompensatesStaticEffectsAndNamesTheOthers) {
   Robot robot = panda();
+  const std::vector<int> all = {1, 2, 3, 4, 5, 6, 7};
   const std::vector<double> k(7, 3.0), rest(7, 0.4), b(7, 1.5), f(7, 0.6), v(7, 0.2), half(7, 0.3);
   robot.effects = {
-      {"joint_spring", {1, 2, 3, 4, 5, 6, 7}, {{"stiffness", k}, {"rest", rest}}},
-      {"torque_offset", {1}, {{"offset", b}}},
-      {"viscous_friction", {1}, {{"coefficient", f}}},
+      {"joint_spring", all, {{"stiffness", k}, {"rest", rest}}},
+      {"torque_offset", all, {{"offset", b}}},
+      {"viscous_friction", all, {{"coefficient", f}}},
       {"asymmetric_coulomb_friction",
-       {1},
+       all,
        {{"coefficient_positive", f}, {"coefficient_negative", half}, {"velocity_scale", {0.01}}}},
-      {"stribeck_friction", {1}, {{"static", f}, {"stribeck_velocity", v}, {"velocity_scale", {0.02}}}},
+      {"stribeck_friction", all, {{"static", f}, {"stribeck_velocity", v}, {"velocity_scale", {0.02}}}},
       {"time_delay", {1}, {{"delay", {0.002}}}},
       {"backlash", {1}, {}},
       {"time_delay", {2}, {}}};
-  const TorqueModel<7> with(robot), without(panda());
+  const TorqueModel<7> with(robot, Uncompensated::ignore), without(panda());
   Generator generator(12);
   for (int i = 0; i < 50; ++i) {
     const Vector7 q = random_state(generator, 7, 2.0), dq = random_state(generator, 7, 0.5);
@@ -243,7 +244,10 @@ TEST(TorqueModel, CompensatesStaticEffectsAndNamesTheOthers) {
     }
   }
   EXPECT_EQ(uncompensated_effects(robot), (std::vector<std::string>{"time_delay", "backlash"}));
-  robot.effects = {{"joint_spring", {1}, {{"stiffness", {1.0}}}}};
+  EXPECT_THROW(TorqueModel<7>{robot}, Error);
+  robot.effects = {{"joint_spring", {1}, {{"rest", {1.0}}}}};
+  EXPECT_THROW(TorqueModel<7>{robot}, Error);
+  robot.effects = {{"joint_spring", {1}, {{"stiffness", {1.0, 2.0}}}}};
   EXPECT_THROW(TorqueModel<7>{robot}, Error);
 }
 

@@ -72,11 +72,13 @@ class Formula {
         const double x = std::pow(std::abs(dq(i, j) / at("stribeck_velocity", j)), at("exponent", j));
         return at("static", j) == 0.0
                    ? 0.0
-                   : at("static", j) * std::exp(-x) * std::tanh(dq(i, j) / one("velocity_scale"));
+                   : at("static", j) * std::exp(-x) * std::tanh(dq(i, j) / at("velocity_scale", j));
       });
     if (name == "load_dependent_friction")
       return each([&](Eigen::Index i, int j) {
-        return at("coefficient", j) * std::abs(tau(i, j)) * std::tanh(dq(i, j) / one("velocity_scale"));
+        return at("coefficient", j) == 0.0 ? 0.0
+                                           : at("coefficient", j) * std::abs(tau(i, j)) *
+                                                 std::tanh(dq(i, j) / at("velocity_scale", j));
       });
     if (name == "joint_spring")
       return each([&](Eigen::Index i, int j) { return at("stiffness", j) * (q(i, j) - at("rest", j)); });
@@ -169,7 +171,12 @@ class Formula {
   VectorXd joints(const char* key) const {
     return Eigen::Map<const VectorXd>(effect_.parameters.at(key).data(), 7);
   }
-  MatrixXd sign() const { return (run_.dq / one("velocity_scale")).array().tanh(); }
+  MatrixXd sign() const {
+    return each([this](Eigen::Index i, int j) {
+      const double scale = at("velocity_scale", j);
+      return scale > 0.0 ? std::tanh(run_.dq(i, j) / scale) : 0.0;
+    });
+  }
   template <class F>
   MatrixXd each(const F& f) const {
     MatrixXd x(run_.q.rows(), 7);
@@ -195,7 +202,7 @@ class EveryEffect : public ::testing::TestWithParam<std::string> {};
 
 std::vector<std::string> names() {
   std::vector<std::string> all;
-  for (const EffectSpec& spec : simulation_effects()) all.push_back(spec.name);
+  for (const EffectSchema& spec : effect_schemas()) all.push_back(spec.name);
   return all;
 }
 
@@ -222,7 +229,7 @@ TEST_P(EveryEffect, AddsWhatItsFormulaSays) {
     EXPECT_EQ(run.model_error.cwiseAbs().maxCoeff(), 0.0);
     largest = std::max(largest, test::rms(formula));
     // And nowhere but on its joints, where the torque is a joint's own.
-    const bool own = simulation_effect(GetParam()).scope == EffectScope::joints &&
+    const bool own = effect_schema(GetParam()).scope == EffectScope::joints &&
                      GetParam() != "encoder_offset" && GetParam() != "joint_elasticity" &&
                      GetParam() != "backlash";
     for (int j = 0; own && j < 7; ++j) {
@@ -277,8 +284,8 @@ TEST(Effects, AreTheTwentyTwoOfTheCatalogue) {
                          "backlash",
                          "torque_saturation",
                          "external_contact"};
-  EXPECT_EQ(simulation_effects().size(), 22u);
-  for (const char* name : known) EXPECT_EQ(simulation_effect(name).name, name);
+  EXPECT_EQ(effect_schemas().size(), 22u);
+  for (const char* name : known) EXPECT_EQ(effect_schema(name).name, name);
 }
 
 TEST(Effects, NoneByDefault) {
@@ -336,7 +343,7 @@ TEST(Effects, StrengthScalesWhatIsAdded) {
 
 TEST(Effects, DrawsAreSeededAndRunWithoutLosingTheRobot) {
   const Robot robot = test::panda();
-  for (const EffectSpec& spec : simulation_effects()) {
+  for (const EffectSchema& spec : effect_schemas()) {
     const Effect a = draw_effect(spec.name, robot, 7), b = draw_effect(spec.name, robot, 7);
     EXPECT_EQ(a.joints, b.joints);
     EXPECT_EQ(a.parameters, b.parameters);

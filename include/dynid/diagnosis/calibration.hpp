@@ -29,7 +29,7 @@ struct Calibration {
   static double scale(const Estimate& e, Eigen::Index i) {
     for (const char* unit : {"s", "deg", "rad", "m"})
       if (e.unit == unit) return 1.0;
-    return e.value.size() >= 4 ? std::abs(e.value[i]) : e.value.norm();
+    return e.per_joint ? std::abs(e.value[i]) : e.value.norm();
   }
   /// Of parameter `parameter` of effect `effect`, in units of scale().
   double form_error_of(const std::string& effect, const std::string& parameter) const {
@@ -42,9 +42,9 @@ struct Calibration {
 const Calibration& calibration();
 
 /// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
-/// of each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values of
-/// one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the truth
-/// of a case left out. Throws Error on fewer than 30 cases with an effect named.
+/// of each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values
+/// of one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the
+/// truth of a case left out. Throws Error on fewer than 30 cases with an effect named.
 Calibration fit_calibration(const std::vector<BlindCase>& cases);
 /// Text of a calibration file; `command` is the one that made it.
 std::string calibration_yaml(const Calibration& calibration, const std::string& command);

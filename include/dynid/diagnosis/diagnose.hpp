@@ -26,6 +26,7 @@ class Hypothesis;
 struct Estimate {
   std::string key, unit;
   Eigen::VectorXd value, low, high;
+  bool per_joint = false;  ///< one number for each joint of the robot; else of the effect as a whole
 };
 
 /// An effect that the diagnosis adopted.

@@ -9,18 +9,6 @@ class CoulombFriction : public OwnTorque {
  public:
   CoulombFriction() : OwnTorque("coulomb_friction", {{"coefficient", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
-  bool enter(Robot& robot, const Effect& effect) const override {
-    // A joint has one smoothed sign: where it already has a Coulomb term of another width, the effect stays
-    // one of its own.
-    for (const int j : effect.joints)
-      if (robot.joints[static_cast<std::size_t>(j - 1)].friction.linear.coulomb != 0.0) return false;
-    for (const int j : effect.joints) {
-      LinearFriction& f = robot.joints[static_cast<std::size_t>(j - 1)].friction.linear;
-      f.coulomb = joint_value(robot, effect, "coefficient", j - 1);
-      f.velocity_scale = joint_value(robot, effect, "velocity_scale", j - 1);
-    }
-    return true;
-  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

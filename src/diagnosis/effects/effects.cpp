@@ -2,6 +2,7 @@
 #include "effects.hpp"
 
 #include "dynid/base/error.hpp"
+#include "named.hpp"
 
 namespace dynid::detail {
 
@@ -58,16 +59,19 @@ ColumnBlock all_channels(const std::vector<Eigen::MatrixXd>& columns) {
   return block;
 }
 
-std::vector<NamedValue> OwnTorque::parameters(const Robot&, int, const Eigen::VectorXd& c,
+std::vector<NamedValue> OwnTorque::parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                               const Eigen::VectorXd& shape) const {
+  const bool known = find_effect_schema(name_) != nullptr;  // else an effect of one's own
   std::vector<NamedValue> values;
   for (std::size_t k = 0; k < coefficients_.size(); ++k)
-    values.push_back({coefficients_[k].key, coefficients_[k].unit,
-                      Eigen::VectorXd::Constant(1, c[static_cast<Eigen::Index>(k)])});
+    values.push_back(known ? named(name_, coefficients_[k].key, robot, unit, c[static_cast<Eigen::Index>(k)])
+                           : NamedValue{coefficients_[k].key, coefficients_[k].unit,
+                                        Eigen::VectorXd::Constant(1, c[static_cast<Eigen::Index>(k)])});
   const std::vector<ShapeParameter> shapes = this->shape();
   for (std::size_t k = 0; k < shapes.size(); ++k)
-    values.push_back(
-        {shapes[k].key, shapes[k].unit, Eigen::VectorXd::Constant(1, shape[static_cast<Eigen::Index>(k)])});
+    values.push_back(known ? named(name_, shapes[k].key, robot, unit, shape[static_cast<Eigen::Index>(k)])
+                           : NamedValue{shapes[k].key, shapes[k].unit,
+                                        Eigen::VectorXd::Constant(1, shape[static_cast<Eigen::Index>(k)])});
   return values;
 }
 

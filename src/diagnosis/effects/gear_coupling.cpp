@@ -2,6 +2,7 @@
 // Friction and inertia on the sum (or difference) of two joints' speeds, as in geared wrists.
 #include "dynid/base/error.hpp"
 #include "effects.hpp"
+#include "named.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -26,14 +27,12 @@ class GearCoupling : public Hypothesis {
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     return c.minCoeff() > -0.05 * c.cwiseAbs().maxCoeff();  // a shaft takes power, and has mass
   }
-  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
-    const auto one = [](double x) { return Eigen::VectorXd::Constant(1, x); };
-    return {{"viscous", "N m s/rad", one(c[0]), false},
-            {"coulomb", "N m", one(c[1]), false},
-            {"inertia", "kg m^2", one(c[2]), false},
-            {"ratio", "1", one(shape[0]), false},
-            {"velocity_scale", "rad/s", one(shape[1]), false}};
+    const int first = pair_of(robot.size(), unit).first;
+    return {named(name(), "viscous", robot, first, c[0]), named(name(), "coulomb", robot, first, c[1]),
+            named(name(), "inertia", robot, first, c[2]), named(name(), "ratio", robot, first, shape[0]),
+            named(name(), "velocity_scale", robot, first, shape[1])};
   }
   void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {

@@ -1,23 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The base is not upright: gravity turned about a horizontal axis.
-#include <Eigen/Geometry>
 #include <cmath>
 
+#include "dynid/effect/derived.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
-
-/// Two directions across gravity, as near to x and y as can be.
-Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& gravity) {
-  const Eigen::Vector3d down = gravity.normalized();
-  Eigen::Vector3d x = Eigen::Vector3d::UnitX() - down * down.x();
-  if (x.norm() < 0.1) x = Eigen::Vector3d::UnitZ() - down * down.z();
-  x.normalize();
-  Eigen::Matrix<double, 3, 2> both;
-  both << x, (-down).cross(x);
-  return both;
-}
 
 class GravityTilt : public Hypothesis {
  public:
@@ -26,7 +15,7 @@ class GravityTilt : public Hypothesis {
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd&) const override {
     // c: the horizontal part of the true gravity's direction; the vertical part is of second order.
     const Eigen::Vector3d g = motion.robot().gravity;
-    const Eigen::Matrix<double, 3, 2> horizontal = across(g);
+    const Eigen::Matrix<double, 3, 2> horizontal = across_gravity(g);
     return all_channels({motion.gravity_columns(g.norm() * horizontal.col(0)),
                          motion.gravity_columns(g.norm() * horizontal.col(1))});
   }
@@ -44,13 +33,6 @@ class GravityTilt : public Hypothesis {
     const double direction = arm_value(effect, "direction_deg", 1)[0] * M_PI / 180;
     c = std::sin(angle) * Eigen::Vector2d(-std::sin(direction), std::cos(direction));
     shape.resize(0);
-  }
-  bool enter(Robot& robot, const Effect& effect) const override {
-    Eigen::VectorXd c, none;
-    restore(robot, effect, 0, c, none);
-    const Eigen::Vector3d g = robot.gravity;
-    robot.gravity = std::sqrt(1.0 - c.squaredNorm()) * g + g.norm() * across(g) * c;
-    return true;
   }
 };
 

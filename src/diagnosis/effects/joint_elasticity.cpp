@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The link lags the measured motor by tau / K: linear in 1 / K.
 #include "effects.hpp"
+#include "named.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -12,9 +13,9 @@ class JointElasticity : public OwnTorque {
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     return all_channels({motion.shifted(unit, -motion.rigid.col(unit))});
   }
-  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {
-    return {{"stiffness", "N m/rad", Eigen::VectorXd::Constant(1, c[0] != 0.0 ? 1.0 / c[0] : 0.0)}};
+    return {named(name(), "stiffness", robot, unit, c[0] != 0.0 ? 1.0 / c[0] : 0.0)};
   }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {

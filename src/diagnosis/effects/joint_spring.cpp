@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "effects.hpp"
+#include "named.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -10,10 +11,10 @@ namespace {
 class JointSpring : public OwnTorque {
  public:
   JointSpring() : OwnTorque("joint_spring", {}) {}
-  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {
-    return {{"stiffness", "N m/rad", Eigen::VectorXd::Constant(1, c[0])},
-            {"rest", "rad", Eigen::VectorXd::Constant(1, c[0] != 0.0 ? -c[1] / c[0] : 0.0)}};
+    return {named(name(), "stiffness", robot, unit, c[0]),
+            named(name(), "rest", robot, unit, c[0] != 0.0 ? -c[1] / c[0] : 0.0)};
   }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {

@@ -30,10 +30,6 @@ class LinkInertialError : public Hypothesis {
     c = change(effect);
     shape.resize(0);
   }
-  bool enter(Robot& robot, const Effect& effect) const override {
-    robot.joints[static_cast<std::size_t>(effect.joints.front() - 1)].parameters += change(effect);
-    return true;
-  }
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
     // What adds more to the last link than the link itself is a payload.

@@ -84,10 +84,6 @@ class Payload : public Hypothesis {
     c = to_standard(body(effect));
     shape.resize(0);
   }
-  bool enter(Robot& robot, const Effect& effect) const override {
-    robot.joints.back().parameters += to_standard(body(effect));
-    return true;
-  }
   bool plausible(const Robot& robot, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     if (!(c[0] > 0.0) || (c.segment<3>(1) / c[0]).norm() > 1.0) return false;
     // Where the model says where the flange is, what it carries is in front of it.

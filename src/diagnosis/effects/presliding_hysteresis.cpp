@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A Maxwell slip element: a spring that slips at its Coulomb torque, bent by slip [rad] until then.
+#include "dynid/effect/derived.hpp"
 #include "effects.hpp"
 
 #include <algorithm>
+#include <string>
+
+#include "dynid/base/error.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -11,6 +15,14 @@ class PreslidingHysteresis : public OwnTorque {
  public:
   PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.01, 0.4, 6, true}}; }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "coulomb", unit));
+    shape = Eigen::VectorXd::Constant(1, bristle_slip(effect, unit));  // a bristle has one too
+    if (!(shape[0] > 0.0))
+      throw Error("effect 'presliding_hysteresis': slip, or coulomb and stiffness, of joint " +
+                  std::to_string(unit + 1) + " must be positive");
+  }
   bool approximate() const override { return true; }
   double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
 

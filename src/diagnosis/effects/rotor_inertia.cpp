@@ -8,12 +8,6 @@ namespace {
 class RotorInertia : public OwnTorque {
  public:
   RotorInertia() : OwnTorque("rotor_inertia", {{"armature", "kg m^2"}}) {}
-  bool enter(Robot& robot, const Effect& effect) const override {
-    for (const int j : effect.joints)
-      robot.joints[static_cast<std::size_t>(j - 1)].rotor_inertia +=
-          joint_value(robot, effect, "armature", j - 1);
-    return true;
-  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {

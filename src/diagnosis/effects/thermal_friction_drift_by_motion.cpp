@@ -3,6 +3,7 @@
 // of dq^2.
 #include <cmath>
 
+#include "dynid/effect/derived.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {
@@ -16,6 +17,11 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
     return {{"motion_constant", "rad^2/s", 0.2, 6.0, 5, true}};
+  }
+  void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
+               Eigen::VectorXd& shape) const override {
+    c = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "coefficient", unit));
+    shape = Eigen::VectorXd::Constant(1, motion_constant(effect, unit));
   }
   double prior() const override { return 0.4; }
 

@@ -8,12 +8,6 @@ namespace {
 class TorqueOffset : public OwnTorque {
  public:
   TorqueOffset() : OwnTorque("torque_offset", {{"offset", "N m"}}) {}
-  bool enter(Robot& robot, const Effect& effect) const override {
-    for (const int j : effect.joints)
-      robot.joints[static_cast<std::size_t>(j - 1)].friction.linear.offset +=
-          joint_value(robot, effect, "offset", j - 1);
-    return true;
-  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int, const Eigen::VectorXd&) const override {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A sin(N q + phase): cogging, gear teeth, a strain wave.
 #include "effects.hpp"
+#include "named.hpp"
 
 #include <cmath>
 
@@ -11,10 +12,10 @@ class TorqueRipple : public OwnTorque {
  public:
   TorqueRipple() : OwnTorque("torque_ripple", {}) {}
   std::vector<ShapeParameter> shape() const override { return {{"order", "1/rad", 2.0, 202.0, 401, false}}; }
-  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+  std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
-    return {{"amplitude", "N m", Eigen::VectorXd::Constant(1, c.norm())},
-            {"order", "1/rad", shape},
+    return {named(name(), "amplitude", robot, unit, c.norm()),
+            named(name(), "order", robot, unit, shape[0]),
             {"phase", "rad", Eigen::VectorXd::Constant(1, std::atan2(c[1], c[0]))}};
   }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,

@@ -8,12 +8,6 @@ namespace {
 class ViscousFriction : public OwnTorque {
  public:
   ViscousFriction() : OwnTorque("viscous_friction", {{"coefficient", "N m s/rad"}}) {}
-  bool enter(Robot& robot, const Effect& effect) const override {
-    for (const int j : effect.joints)
-      robot.joints[static_cast<std::size_t>(j - 1)].friction.linear.viscous +=
-          joint_value(robot, effect, "coefficient", j - 1);
-    return true;
-  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {

@@ -53,16 +53,15 @@ void draw_wrist(Effect& effect, const Robot& robot, std::mt19937_64& random, dou
 
 std::vector<EffectDefinition> coupling_effects() {
   return {
-      {{"gear_coupling",
-        "friction and inertia on w = dq_a + r dq_b, passed on to a and, times r, to b",
-        EffectScope::pair,
-        {{"viscous", "N m s/rad", "on w", false, {0.5}, 0.0, 1000.0, {0.4}, {1.5}, false, Scale::times},
-         {"coulomb", "N m", "on w", false, {0.5}, 0.0, 1000.0, {0.3}, {1.2}, false, Scale::times},
-         {"inertia", "kg m^2", "on dw/dt", false, {0.05}, 0.0, 100.0, {0.03}, {0.15}, false, Scale::times},
-         {"ratio", "1", "r", false, {1.0}, -10.0, 10.0, {1.0}, {1.0}, true},
-         velocity_scale()}},
+      {"gear_coupling",
+       {{"viscous", {0.4}, {1.5}, false, Scale::times},
+        {"coulomb", {0.3}, {1.2}, false, Scale::times},
+        {"inertia", {0.03}, {0.15}, false, Scale::times},
+        {"ratio", {1.0}, {1.0}, true, Scale::none},
+        velocity_scale()},
        &make_model<GearCoupling>,
-       &draw_wrist}};
+       &draw_wrist},
+  };
 }
 
 }  // namespace dynid::detail

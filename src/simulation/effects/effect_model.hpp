@@ -3,11 +3,12 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <limits>
 #include <memory>
 #include <random>
+#include <string>
 #include <vector>
 
+#include "dynid/effect/derived.hpp"
 #include "dynid/friction/friction.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 
@@ -70,11 +71,12 @@ class EffectModel {
   virtual void reset_sensor(double /*t*/, const Eigen::VectorXd& /*tau*/) {}
 };
 
-/// One entry of the catalogue: what it is and how it is made.
+/// What the plant makes of one effect, and from where it is drawn.
 struct EffectDefinition {
-  EffectSpec spec;
+  std::string name;
+  std::vector<EffectDraw> draws;
   std::unique_ptr<EffectModel> (*make)(const Effect&, const Robot&);  ///< of a completed effect
-  /// Draws what the ranges of the spec cannot say; may be null.
+  /// Draws what the ranges cannot say; may be null.
   void (*draw)(Effect&, const Robot&, std::mt19937_64&, double strength, double duration) = nullptr;
   /// Joints to draw carry at least this part of the largest gravity torque: elsewhere it would not be felt.
   double least_load = 0.0;
@@ -95,10 +97,14 @@ std::vector<EffectDefinition> contact_effects();
 const std::vector<EffectDefinition>& effect_definitions();
 const EffectDefinition& effect_definition(const std::string& name);
 
-/// A per-joint parameter of a completed effect.
+/// A parameter of a completed effect.
 inline Eigen::VectorXd values(const Effect& effect, const char* key) {
   const std::vector<double>& v = effect.parameters.at(key);
   return Eigen::Map<const Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size()));
+}
+/// n numbers of a joint's own parameter that something else is divided by: 1 for joints that it is not of.
+inline Eigen::VectorXd divisors(const Effect& effect, const char* key) {
+  return values(effect, key).unaryExpr([](double x) { return x != 0.0 ? x : 1.0; });
 }
 inline double value(const Effect& effect, const char* key) { return effect.parameters.at(key).front(); }
 
@@ -107,8 +113,7 @@ std::unique_ptr<EffectModel> make_model(const Effect& effect, const Robot& robot
   return std::make_unique<T>(effect, robot);
 }
 
-inline constexpr double any = std::numeric_limits<double>::infinity();
-using Scale = EffectParameter::Scale;
+using Scale = EffectDraw::Scale;
 
 inline double uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -117,10 +122,7 @@ inline double uniform(std::mt19937_64& random, double low, double high) {
 /// Largest gravity torque [N m] of each joint over random poses within the limits.
 Eigen::VectorXd gravity_peaks(const Robot& robot, std::mt19937_64& random);
 
-/// The smoothing of sign(dq) that every dry friction has as a parameter.
-inline EffectParameter velocity_scale() {
-  return {"velocity_scale", "rad/s", "v_s: sign(dq) is tanh(dq / v_s)", false, {0.005}, 1e-4, 1.0,
-          {0.003},          {0.008}};
-}
+/// Of the smoothing of sign(dq) that every dry friction has as a parameter.
+inline EffectDraw velocity_scale() { return {"velocity_scale", {0.003}, {0.008}, false, Scale::none, true}; }
 
 }  // namespace dynid::detail

@@ -35,22 +35,21 @@ class CoulombFriction : public EffectModel {
   CoulombFriction(const Effect& effect, const Robot&)
       : forward_(values(effect, effect.name == "coulomb_friction" ? "coefficient" : "coefficient_positive")),
         back_(values(effect, effect.name == "coulomb_friction" ? "coefficient" : "coefficient_negative")),
-        scale_(value(effect, "velocity_scale")) {}
+        scale_(divisors(effect, "velocity_scale")) {}
   bool acts() const override { return true; }
   void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
     for (Eigen::Index j = 0; j < tau.size(); ++j)
       if (forward_[j] != 0.0 || back_[j] != 0.0)
-        tau[j] += (at.dq[j] > 0.0 ? forward_[j] : back_[j]) * std::tanh(at.dq[j] / scale_);
+        tau[j] += (at.dq[j] > 0.0 ? forward_[j] : back_[j]) * std::tanh(at.dq[j] / scale_[j]);
   }
   void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd&, Eigen::VectorXd& damping,
                   Eigen::VectorXd&) const override {
     for (Eigen::Index j = 0; j < dq.size(); ++j)
-      damping[j] += std::max(std::abs(forward_[j]), std::abs(back_[j])) * sign_slope(dq[j], scale_);
+      damping[j] += std::max(std::abs(forward_[j]), std::abs(back_[j])) * sign_slope(dq[j], scale_[j]);
   }
 
  private:
-  Eigen::VectorXd forward_, back_;
-  double scale_;
+  Eigen::VectorXd forward_, back_, scale_;
 };
 
 class StribeckFriction : public EffectModel {
@@ -59,106 +58,73 @@ class StribeckFriction : public EffectModel {
       : static_(values(effect, "static")),
         velocity_(values(effect, "stribeck_velocity")),
         exponent_(values(effect, "exponent")),
-        scale_(value(effect, "velocity_scale")) {}
+        scale_(divisors(effect, "velocity_scale")) {}
   bool acts() const override { return true; }
   void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
     for (Eigen::Index j = 0; j < tau.size(); ++j) {
       if (static_[j] == 0.0) continue;
       const double x = std::abs(at.dq[j] / velocity_[j]);
-      tau[j] += static_[j] * std::exp(-std::pow(x, exponent_[j])) * std::tanh(at.dq[j] / scale_);
+      tau[j] += static_[j] * std::exp(-std::pow(x, exponent_[j])) * std::tanh(at.dq[j] / scale_[j]);
     }
   }
   void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd&, Eigen::VectorXd& damping,
                   Eigen::VectorXd&) const override {
     for (Eigen::Index j = 0; j < dq.size(); ++j)
       if (static_[j] != 0.0)
-        damping[j] += std::abs(static_[j]) * (sign_slope(dq[j], scale_) + 1.0 / velocity_[j]);
+        damping[j] += std::abs(static_[j]) * (sign_slope(dq[j], scale_[j]) + 1.0 / velocity_[j]);
   }
 
  private:
-  Eigen::VectorXd static_, velocity_, exponent_;
-  double scale_;
+  Eigen::VectorXd static_, velocity_, exponent_, scale_;
 };
 
 class LoadDependentFriction : public EffectModel {
  public:
   LoadDependentFriction(const Effect& effect, const Robot&)
-      : coefficient_(values(effect, "coefficient")), scale_(value(effect, "velocity_scale")) {}
+      : coefficient_(values(effect, "coefficient")), scale_(divisors(effect, "velocity_scale")) {}
   bool acts() const override { return true; }
   void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
     for (Eigen::Index j = 0; j < tau.size(); ++j)
       if (coefficient_[j] != 0.0)
-        tau[j] += coefficient_[j] * std::abs(at.tau[j]) * std::tanh(at.dq[j] / scale_);
+        tau[j] += coefficient_[j] * std::abs(at.tau[j]) * std::tanh(at.dq[j] / scale_[j]);
   }
   void add_slopes(const Eigen::VectorXd& dq, const Eigen::VectorXd& tau, Eigen::VectorXd& damping,
                   Eigen::VectorXd&) const override {
     for (Eigen::Index j = 0; j < dq.size(); ++j)
-      damping[j] += std::abs(coefficient_[j] * tau[j]) * sign_slope(dq[j], scale_);
+      damping[j] += std::abs(coefficient_[j] * tau[j]) * sign_slope(dq[j], scale_[j]);
   }
 
  private:
-  Eigen::VectorXd coefficient_;
-  double scale_;
+  Eigen::VectorXd coefficient_, scale_;
 };
 
 }  // namespace
 
 std::vector<EffectDefinition> friction_effects() {
   return {
-      {{"viscous_friction",
-        "Fv dq",
-        EffectScope::joints,
-        {{"coefficient", "N m s/rad", "Fv", true, {1.0}, 0.0, 1000.0, {0.8}, {2.5}, false, Scale::times}}},
+      {"viscous_friction",
+       {{"coefficient", {0.8}, {2.5}, false, Scale::times}},
        &make_model<ViscousFriction>},
-      {{"coulomb_friction",
-        "Fc sign(dq)",
-        EffectScope::joints,
-        {{"coefficient", "N m", "Fc", true, {1.0}, 0.0, 1000.0, {0.6}, {2.0}, false, Scale::times},
-         velocity_scale()}},
+      {"coulomb_friction",
+       {{"coefficient", {0.6}, {2.0}, false, Scale::times}, velocity_scale()},
        &make_model<CoulombFriction>},
-      {{"asymmetric_coulomb_friction",
-        "Fc+ sign(dq) forwards, Fc- sign(dq) backwards",
-        EffectScope::joints,
-        {{"coefficient_positive",
-          "N m",
-          "Fc+, for dq > 0",
-          true,
-          {1.2},
-          0.0,
-          1000.0,
-          {1.0},
-          {2.2},
-          false,
-          Scale::times},
-         {"coefficient_negative",
-          "N m",
-          "Fc-, for dq < 0",
-          true,
-          {0.5},
-          0.0,
-          1000.0,
-          {0.1},
-          {0.6},
-          false,
-          Scale::times},
-         velocity_scale()}},
+      {"asymmetric_coulomb_friction",
+       {{"coefficient_positive", {1.0}, {2.2}, false, Scale::times},
+        {"coefficient_negative", {0.1}, {0.6}, false, Scale::times},
+        velocity_scale()},
        &make_model<CoulombFriction>},
-      {{"stribeck_friction",
-        "Fs exp(-|dq / v|^delta) sign(dq): what breaking away takes beyond Coulomb friction",
-        EffectScope::joints,
-        {{"static", "N m", "Fs", true, {1.0}, 0.0, 1000.0, {0.8}, {2.0}, false, Scale::times},
-         {"stribeck_velocity", "rad/s", "v", true, {0.2}, 1e-3, 10.0, {0.1}, {0.4}},
-         {"exponent", "1", "delta", true, {2.0}, 0.5, 4.0, {1.0}, {2.0}},
-         velocity_scale()}},
+      {"stribeck_friction",
+       {{"static", {0.8}, {2.0}, false, Scale::times},
+        {"stribeck_velocity", {0.1}, {0.4}, false, Scale::none},
+        {"exponent", {1.0}, {2.0}, false, Scale::none},
+        velocity_scale()},
        &make_model<StribeckFriction>},
-      {{"load_dependent_friction",
-        "Fl |tau| sign(dq), tau the torque passed through the joint",
-        EffectScope::joints,
-        {{"coefficient", "1", "Fl", true, {0.08}, 0.0, 0.9, {0.06}, {0.2}, false, Scale::times},
-         velocity_scale()}},
+      {"load_dependent_friction",
+       {{"coefficient", {0.06}, {0.2}, false, Scale::times}, velocity_scale()},
        &make_model<LoadDependentFriction>,
        nullptr,
-       0.05}};
+       0.05},
+  };
 }
 
 }  // namespace dynid::detail

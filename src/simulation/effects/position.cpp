@@ -52,20 +52,17 @@ void draw_order(Effect& effect, const Robot&, std::mt19937_64& random, double, d
 }  // namespace
 
 std::vector<EffectDefinition> position_effects() {
-  return {{{"joint_spring",
-            "k (q - q0): cable, counterbalance",
-            EffectScope::joints,
-            {{"stiffness", "N m/rad", "k", true, {2.0}, -1e4, 1e4, {0.7}, {3.0}, false, Scale::times},
-             {"rest", "rad", "q0", true, {0.0}, -any, any, {-0.5}, {0.5}}}},
-           &make_model<JointSpring>},
-          {{"torque_ripple",
-            "A sin(N q + phase)",
-            EffectScope::joints,
-            {{"amplitude", "N m", "A", true, {0.5}, -1e3, 1e3, {0.4}, {1.2}, false, Scale::times},
-             {"order", "1/rad", "N, periods a turn", true, {12.0}, 0.0, 1e4, {4.0}, {100.0}},
-             {"phase", "rad", "", true, {0.0}, -any, any, {-M_PI}, {M_PI}}}},
-           &make_model<TorqueRipple>,
-           &draw_order}};
+  return {
+      {"joint_spring",
+       {{"stiffness", {0.7}, {3.0}, false, Scale::times}, {"rest", {-0.5}, {0.5}, false, Scale::none}},
+       &make_model<JointSpring>},
+      {"torque_ripple",
+       {{"amplitude", {0.4}, {1.2}, false, Scale::times},
+        {"order", {4.0}, {100.0}, false, Scale::none},
+        {"phase", {-M_PI}, {M_PI}, false, Scale::none}},
+       &make_model<TorqueRipple>,
+       &draw_order},
+  };
 }
 
 }  // namespace dynid::detail

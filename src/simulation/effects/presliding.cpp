@@ -2,6 +2,7 @@
 // presliding_hysteresis as LuGre friction (Canudas de Wit et al. 1995): a bristle that bends before it slips.
 #include <cmath>
 
+#include "dynid/base/error.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {
@@ -11,9 +12,18 @@ class PreslidingHysteresis : public EffectModel {
  public:
   PreslidingHysteresis(const Effect& effect, const Robot&)
       : coulomb_(values(effect, "coulomb")),
-        stiffness_(values(effect, "stiffness")),
+        stiffness_(Eigen::VectorXd::Ones(coulomb_.size())),
         damping_(values(effect, "damping")),
-        bend_(Eigen::VectorXd::Zero(coulomb_.size())) {}
+        bend_(Eigen::VectorXd::Zero(coulomb_.size())) {
+    for (const int joint : effect.joints) {
+      const Eigen::Index j = joint - 1;
+      if (coulomb_[j] == 0.0) continue;
+      stiffness_[j] = bristle_stiffness(effect, joint - 1);
+      if (!(coulomb_[j] > 0.0) || !(stiffness_[j] > 0.0))
+        throw Error("effect 'presliding_hysteresis': coulomb, and stiffness or slip, of joint " +
+                    std::to_string(joint) + " must be positive for a bristle to slip");
+    }
+  }
   bool acts() const override { return true; }
   void add_torque(const JointView& at, Eigen::VectorXd& tau) const override {
     for (Eigen::Index j = 0; j < tau.size(); ++j) {
@@ -47,43 +57,13 @@ class PreslidingHysteresis : public EffectModel {
 }  // namespace
 
 std::vector<EffectDefinition> presliding_effects() {
-  return {{{"presliding_hysteresis",
-            "LuGre friction: sigma0 z + sigma1 dz/dt, dz/dt = dq - sigma0 |dq| z / Fc",
-            EffectScope::joints,
-            {{"coulomb",
-              "N m",
-              "Fc, reached when it slips",
-              true,
-              {1.5},
-              0.0,
-              1000.0,
-              {1.0},
-              {3.0},
-              false,
-              Scale::times},
-             {"stiffness",
-              "N m/rad",
-              "sigma0, of the bristle",
-              true,
-              {50.0},
-              1e-3,
-              1e6,
-              {15.0},
-              {100.0},
-              false,
-              Scale::times},
-             {"damping",
-              "N m s/rad",
-              "sigma1, of the bristle",
-              true,
-              {0.3},
-              0.0,
-              1000.0,
-              {0.1},
-              {0.4},
-              false,
-              Scale::times}}},
-           &make_model<PreslidingHysteresis>}};
+  return {
+      {"presliding_hysteresis",
+       {{"coulomb", {1.0}, {3.0}, false, Scale::times},
+        {"stiffness", {15.0}, {100.0}, false, Scale::times},
+        {"damping", {0.1}, {0.4}, false, Scale::times}},
+       &make_model<PreslidingHysteresis>},
+  };
 }
 
 }  // namespace dynid::detail

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/error.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {
@@ -66,8 +67,13 @@ class TimeDelay : public EffectModel {
  public:
   TimeDelay(const Effect& effect, const Robot& robot) : delay_(Eigen::VectorXd::Zero(robot.size())) {
     const Eigen::VectorXd own = values(effect, "channel_delay_s");
-    for (const int joint : effect.joints)
-      delay_[joint - 1] = own[joint - 1] > 0.0 ? own[joint - 1] : value(effect, "delay_s");
+    for (const int joint : effect.joints) {
+      double& delay = delay_[joint - 1];
+      delay = own[joint - 1] != 0.0 ? own[joint - 1] : value(effect, "delay_s");
+      if (delay < 0.0)
+        throw Error("effect 'time_delay': no sensor makes the torque of joint " + std::to_string(joint) +
+                    " early, by " + std::to_string(-delay) + " s");
+    }
     tau_.resize(robot.size(), capacity);
     t_.resize(capacity);
   }
@@ -128,47 +134,24 @@ void draw_limit(Effect& effect, const Robot& robot, std::mt19937_64& random, dou
 }  // namespace
 
 std::vector<EffectDefinition> sensor_effects() {
-  return {{{"torque_offset",
-            "b",
-            EffectScope::joints,
-            {{"offset", "N m", "b", true, {1.0}, -1e4, 1e4, {0.5}, {2.0}, true, Scale::times}}},
-           &make_model<TorqueOffset>},
-          {{"torque_gain",
-            "G tau: the sensor reads (1 + G) tau",
-            EffectScope::joints,
-            {{"gain", "1", "G", true, {0.1}, -0.99, 10.0, {0.08}, {0.25}, true, Scale::times}}},
-           &make_model<TorqueGain>,
-           nullptr,
-           0.05},
-          {{"time_delay",
-            "tau(t - d) - tau(t): the measured torque is late",
-            EffectScope::whole_arm,
-            {{"delay_s", "s", "d", false, {0.01}, 0.0, 0.5, {0.008}, {0.03}, false, Scale::times},
-             {"channel_delay_s", "s", "such a joint has this instead", true, {0.0}, 0.0, 0.5, {0.0}, {0.0}}}},
-           &make_model<TimeDelay>},
-          {{"encoder_offset",
-            "(d tau / d q) dq0: the true position is the measured one + dq0",
-            EffectScope::joints,
-            {{"offset", "rad", "dq0", true, {0.03}, -M_PI, M_PI, {0.02}, {0.08}, true, Scale::times}}},
-           &make_model<EncoderOffset>,
-           nullptr,
-           0.05},
-          {{"torque_saturation",
-            "the measured torque stops at +-limit",
-            EffectScope::joints,
-            {{"limit", "N m", "0: none on this joint", true, {20.0}, 0.0, 1e4, {5.0}, {30.0}},
-             {"command_limit",
-              "N m",
-              "of the drive, whose command is measured: such a joint has this instead",
-              true,
-              {0.0},
-              0.0,
-              1e4,
-              {0.0},
-              {0.0}}}},
-           &make_model<TorqueSaturation>,
-           &draw_limit,
-           0.5}};
+  return {
+      {"torque_offset", {{"offset", {0.5}, {2.0}, true, Scale::times}}, &make_model<TorqueOffset>},
+      {"torque_gain", {{"gain", {0.08}, {0.25}, true, Scale::times}}, &make_model<TorqueGain>, nullptr, 0.05},
+      {"time_delay",
+       {{"delay_s", {0.008}, {0.03}, false, Scale::times},
+        {"channel_delay_s", {0.0}, {0.0}, false, Scale::none}},
+       &make_model<TimeDelay>},
+      {"encoder_offset",
+       {{"offset", {0.02}, {0.08}, true, Scale::times}},
+       &make_model<EncoderOffset>,
+       nullptr,
+       0.05},
+      {"torque_saturation",
+       {{"limit", {5.0}, {30.0}, false, Scale::none}, {"command_limit", {0.0}, {0.0}, false, Scale::none}},
+       &make_model<TorqueSaturation>,
+       &draw_limit,
+       0.5},
+  };
 }
 
 }  // namespace dynid::detail

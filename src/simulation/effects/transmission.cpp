@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/error.hpp"
 #include "effect_model.hpp"
 
 namespace dynid::detail {
@@ -16,12 +17,16 @@ class SpringInJoint : public EffectModel {
         stiffness_(values(effect, "stiffness")),
         inertia_(values(effect, "motor_inertia")),
         damping_(value(effect, "damping_ratio")) {
-    if (effect.name != "backlash") return;
+    if (effect.name != "backlash") {
+      check(effect);
+      return;
+    }
     gap_ = values(effect, "gap");
     dead_zone_ = values(effect, "dead_zone");
+    check(effect);
   }
   SensorStage stage() const override {
-    return dead_zone_.size() > 0 && dead_zone_.maxCoeff() > 0.0 ? SensorStage::gain : SensorStage::none;
+    return dead_zone_.size() > 0 && !dead_zone_.isZero(0.0) ? SensorStage::gain : SensorStage::none;
   }
   void sense(double, Eigen::VectorXd& tau) override {  // on the motor's side: what is lost is there still
     constexpr double closing = 0.05;                   // [N m]
@@ -30,7 +35,7 @@ class SpringInJoint : public EffectModel {
   }
   void transmission(std::vector<Transmission>& all) const override {
     for (const int joint : joints_) {
-      if (dead_zone_.size() > 0 && dead_zone_[joint - 1] > 0.0) continue;
+      if (lost(joint)) continue;
       Transmission& t = all[static_cast<std::size_t>(joint - 1)];
       const double k = stiffness_[joint - 1];
       // Two springs in a row, when a joint has both effects.
@@ -42,60 +47,40 @@ class SpringInJoint : public EffectModel {
   }
 
  private:
+  bool lost(int joint) const { return dead_zone_.size() > 0 && dead_zone_[joint - 1] != 0.0; }
+  void check(const Effect& effect) const {
+    for (const int joint : joints_)
+      if (!lost(joint) && !(stiffness_[joint - 1] > 0.0))
+        throw Error("effect '" + effect.name + "': stiffness: the spring of joint " + std::to_string(joint) +
+                    " must be stiffer than 0");
+  }
+
   std::vector<int> joints_;
   Eigen::VectorXd stiffness_, inertia_, gap_, dead_zone_;
   double damping_;
 };
 
-EffectParameter stiffness(double initial, double low, double high, Scale scale) {
-  return {"stiffness", "N m/rad", "of the spring", true, {initial}, 10.0, 1e6, {low}, {high}, false, scale};
-}
-EffectParameter motor_inertia() {
-  return {"motor_inertia", "kg m^2", "of the motor, at the joint", true, {0.3}, 1e-3, 100.0, {0.2}, {0.5}};
-}
-EffectParameter damping_ratio() {
-  return {"damping_ratio", "1", "of the motor on the spring", false, {0.1}, 0.0, 1.0, {0.05}, {0.2}};
-}
-
 }  // namespace
 
 std::vector<EffectDefinition> transmission_effects() {
-  return {{{"joint_elasticity",
-            "a motor mass behind a spring K: tau = K (theta - q), theta the position measured",
-            EffectScope::joints,
-            {stiffness(5000.0, 1500.0, 6000.0, Scale::divided), motor_inertia(), damping_ratio()}},
-           &make_model<SpringInJoint>,
-           nullptr,
-           0.1},
-          {{"backlash",
-            "the same with a stiff spring that has play: no torque inside the gap",
-            EffectScope::joints,
-            {{"gap",
-              "rad",
-              "of the dead zone, from end to end",
-              true,
-              {0.01},
-              0.0,
-              1.0,
-              {0.008},
-              {0.03},
-              false,
-              Scale::times},
-             stiffness(20000.0, 15000.0, 30000.0, Scale::none),
-             motor_inertia(),
-             damping_ratio(),
-             {"dead_zone",
-              "N m",
-              "torque that is lost on the way: such a joint has this instead of gap and spring",
-              true,
-              {0.0},
-              0.0,
-              1e3,
-              {0.0},
-              {0.0}}}},
-           &make_model<SpringInJoint>,
-           nullptr,
-           0.1}};
+  return {
+      {"joint_elasticity",
+       {{"stiffness", {1500.0}, {6000.0}, false, Scale::divided},
+        {"motor_inertia", {0.2}, {0.5}, false, Scale::none},
+        {"damping_ratio", {0.05}, {0.2}, false, Scale::none}},
+       &make_model<SpringInJoint>,
+       nullptr,
+       0.1},
+      {"backlash",
+       {{"gap", {0.008}, {0.03}, false, Scale::times},
+        {"stiffness", {15000.0}, {30000.0}, false, Scale::none},
+        {"motor_inertia", {0.2}, {0.5}, false, Scale::none},
+        {"damping_ratio", {0.05}, {0.2}, false, Scale::none},
+        {"dead_zone", {0.0}, {0.0}, false, Scale::none}},
+       &make_model<SpringInJoint>,
+       nullptr,
+       0.1},
+  };
 }
 
 }  // namespace dynid::detail
