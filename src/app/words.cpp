@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "app/words.hpp"
+
+namespace dynid::detail {
+
+const char* word_for(JointType type) {
+  return type == JointType::revolute     ? "revolute"
+         : type == JointType::continuous ? "continuous"
+                                         : "prismatic";
+}
+
+const char* word_for(Identifiable answer) {
+  return answer == Identifiable::alone            ? "alone"
+         : answer == Identifiable::in_combination ? "in combination"
+                                                  : "no";
+}
+
+const char* word_for(EffectScope scope) {
+  switch (scope) {
+    case EffectScope::joints:
+      return "joints";
+    case EffectScope::one_link:
+      return "one_link";
+    case EffectScope::pair:
+      return "pair";
+    case EffectScope::whole_arm:
+      break;
+  }
+  return "whole_arm";
+}
+
+}  // namespace dynid::detail
