@@ -19,6 +19,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "app/serialise.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/dynamics/kinematics.hpp"
@@ -32,8 +33,6 @@ namespace {
 using Eigen::VectorXd;
 
 void say(const std::string& line) { std::cout << line << std::endl; }
-
-nlohmann::json to_json(const VectorXd& x) { return std::vector<double>(x.begin(), x.end()); }
 
 std::string in_a_row(const VectorXd& x) {
   std::string text;

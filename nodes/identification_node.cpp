@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Records a robot's joint states, by itself or while it has the robot make an exciting motion, and has them
-// identified, retrieved and diagnosed as the program `dynid` does; or does so with a bag, without a roscore.
-// See docs/nodes.md.
+// Records a robot's joint states, by itself or while it has the robot make an exciting motion, and
+// identifies, retrieves and diagnoses what they say as the program `dynid` does; or does so with a bag,
+// without a roscore. See docs/nodes.md.
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
@@ -17,38 +17,39 @@
 #include <filesystem>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <thread>
 
-#include "cli/command.hpp"
-#include "cli/pipeline.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/model/robot_file.hpp"
 #include "ros/bag.hpp"
 #include "ros/exciting_command.hpp"
+#include "ros/identification_run.hpp"
+#include "ros/identification_settings.hpp"
 #include "ros/parameters.hpp"
 #include "ros/recording.hpp"
 
 namespace dynid {
 namespace {
 
-using Options = Pipeline::Options;
+using Texts = std::map<std::string, std::string>;
 
-volatile std::sig_atomic_t asked_to_end = 0;
-extern "C" void on_signal(int) { asked_to_end = 1; }
+std::atomic<bool> end_requested{false};
+extern "C" void on_signal(int) { end_requested = true; }
 
 std::string one_line(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
 }
 
-/// What is no option of the commands.
+/// What is no option of the use cases: the node's own.
 const std::set<std::string>& own_parameters() {
-  static const std::set<std::string> names = {"model",
-                                              "output_directory",
-                                              "move_robot",
+  static const std::set<std::string> names = {"move_robot",
                                               "i_confirm_the_robot_may_move",
                                               "trajectory",
                                               "duration",
@@ -64,26 +65,30 @@ const std::set<std::string>& own_parameters() {
 
 // ------------------------------------------------------------------------------------------------ on a bag
 
-/// Takes what is the node's own out of the parameters; the rest are options of the commands.
-std::string take(Options& options, const std::string& name, const std::string& usual) {
-  const auto found = options.find(name);
-  if (found == options.end()) return usual;
-  const std::string value = found->second;
-  options.erase(found);
-  return value;
+/// Settings of the parameters; `unknown` are those that are neither theirs nor the node's own.
+IdentificationSettings settings_of(const Texts& texts, std::vector<std::string>& unknown) {
+  std::vector<std::string> unread;
+  const IdentificationSettings settings = identification_settings(texts, unread);
+  for (const std::string& name : unread)
+    if (own_parameters().count(name) == 0) unknown.push_back(name);
+  return settings;
 }
 
 /// Exit status as the program's.
-int identify_bag(Options options) {
+int identify_bag(const Texts& texts) {
   try {
-    const std::string bag = take(options, "bag", ""), model = take(options, "model", ""),
-                      folder = take(options, "output_directory", "identification");
-    if (model.empty()) throw Error("the parameter ~model is required: the robot's model");
-    for (const std::string& name : own_parameters()) options.erase(name);  // of a launch file for both
-    const Pipeline pipeline(model, folder, options, true);
-    const nlohmann::json result = pipeline.run(bag);
-    std::cout << "All of it is in " << pipeline.path("result.json") << std::endl;
+    std::vector<std::string> unknown;
+    const IdentificationSettings settings = settings_of(texts, unknown);
+    if (settings.model.empty()) throw Error("the parameter ~model is required: the robot's model");
+    if (!unknown.empty()) throw Error("~" + unknown.front() + ": is not a parameter of this node");
+    Context context;
+    context.stop = &end_requested;
+    const nlohmann::json result = identify_log(settings, texts.at("bag"), context, &std::cout);
+    std::cout << "All of it is in " << file_in_folder(settings, "result.json") << std::endl;
     return result["status"];
+  } catch (const Stopped&) {
+    std::cerr << "identification_node: interrupted" << std::endl;
+    return 128 + SIGINT;
   } catch (const std::exception& error) {
     std::cerr << "identification_node: " << one_line(error.what()) << std::endl;
     return 2;
@@ -91,8 +96,8 @@ int identify_bag(Options options) {
 }
 
 /// Private parameters of the command line, `_name:=value`, and what stands for joint_states, as `topic`.
-Options command_line(int argc, char** argv) {
-  Options options;
+Texts command_line(int argc, char** argv) {
+  Texts options;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     const std::size_t at = word.find(":=");
@@ -127,8 +132,8 @@ std::string text_of(XmlRpc::XmlRpcValue value) {
 }
 
 /// The node's private parameters on the server, but for those that are empty: arguments of a launch file.
-Options on_server(const ros::NodeHandle& node) {
-  Options options;
+Texts on_server(const ros::NodeHandle& node) {
+  Texts options;
   XmlRpc::XmlRpcValue all;
   if (!node.getParam("", all) || all.getType() != XmlRpc::XmlRpcValue::TypeStruct) return options;
   for (auto& [name, value] : all) {
@@ -141,11 +146,6 @@ Options on_server(const ros::NodeHandle& node) {
 // ------------------------------------------------------------------------------------------------- on a
 // robot
 
-class Cancelled : public std::runtime_error {
- public:
-  Cancelled() : std::runtime_error("cancelled") {}
-};
-
 class IdentificationNode {
  public:
   IdentificationNode();
@@ -156,7 +156,8 @@ class IdentificationNode {
   enum class State { idle, preparing, moving, recording, saving, identifying };
   static const char* name(State state);
 
-  Pipeline pipeline() const;
+  IdentificationSettings settings(std::vector<std::string>* unknown = nullptr) const;
+  Context context();
   /// Its work goes on in the background, in `state`; the mutex is held.
   void work(State state, std::function<void()> job);
   void say(const std::string& line);
@@ -236,12 +237,10 @@ IdentificationNode::IdentificationNode() {
   parameters_.number("approach_velocity", 0.1, {0.0, 1.0, true});
   waiting_to_start_ = parameters_.flag("auto", false);
   topic_ = node_.resolveName("joint_states");
-  const std::vector<std::string> known = Pipeline::option_names();
-  for (const auto& [option, value] : on_server(private_))
-    if (option != "topic" && own_parameters().count(option) == 0 &&
-        std::find(known.begin(), known.end(), option) == known.end())
-      ROS_WARN_STREAM(parameters_.full(option) << " is not a parameter of this node");
-  pipeline();  // what is wrong with its options is said now
+  std::vector<std::string> unknown;
+  settings(&unknown);  // what is wrong with them is said now
+  for (const std::string& name : unknown)
+    ROS_WARN_STREAM(parameters_.full(name) << " is not a parameter of this node");
 
   std::vector<std::string> joints;
   for (const Joint& joint : robot_.joints) joints.push_back(joint.name);
@@ -250,13 +249,6 @@ IdentificationNode::IdentificationNode() {
   progress_ = private_.advertise<std_msgs::String>("progress", 10, true);
   fraction_ = private_.advertise<std_msgs::Float32>("progress_fraction", 10, true);
   result_publisher_ = private_.advertise<std_msgs::String>("result", 1, true);
-  set_progress_listener([this](const std::string& stage, double fraction) {
-    if (cancel_) throw Cancelled();
-    std_msgs::Float32 message;
-    message.data = static_cast<float>(fraction);
-    fraction_.publish(message);
-    say(std::string(name(state_)) + ": " + stage);
-  });
   serve("start", &IdentificationNode::start);
   serve("stop", &IdentificationNode::stop);
   serve("identify", &IdentificationNode::identify);
@@ -274,13 +266,11 @@ IdentificationNode::IdentificationNode() {
 IdentificationNode::~IdentificationNode() {
   cancel_ = true;
   if (worker_.joinable()) worker_.join();
-  set_progress_listener({});
   states_spinner_.stop();
 }
 
 void IdentificationNode::spin() {
-  while (ros::ok() && asked_to_end == 0)
-    ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
+  while (ros::ok() && !end_requested) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
   bool moving = false;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -292,13 +282,24 @@ void IdentificationNode::spin() {
   ros::WallDuration(0.3).sleep();                        // for it to leave
 }
 
-Pipeline IdentificationNode::pipeline() const {
-  Options options;
-  const std::vector<std::string> known = Pipeline::option_names();
-  for (const auto& [option, value] : on_server(private_))
-    if (std::find(known.begin(), known.end(), option) != known.end()) options[option] = value;
-  options["topic"] = topic_;
-  return Pipeline(model_, parameters_.text("output_directory", "identification"), options, false);
+IdentificationSettings IdentificationNode::settings(std::vector<std::string>* unknown) const {
+  Texts texts = on_server(private_);
+  texts["model"] = model_;
+  texts["topic"] = topic_;
+  std::vector<std::string> ignored;
+  return settings_of(texts, unknown != nullptr ? *unknown : ignored);
+}
+
+Context IdentificationNode::context() {
+  Context context;
+  context.stop = &cancel_;
+  context.progress = [this](const std::string& stage, double fraction) {
+    std_msgs::Float32 message;
+    message.data = static_cast<float>(fraction);
+    fraction_.publish(message);
+    say(std::string(name(state_)) + ": " + stage);
+  };
+  return context;
 }
 
 void IdentificationNode::say(const std::string& line) {
@@ -540,16 +541,12 @@ void IdentificationNode::prepare() {
     }
   };
   wait_for_pose();
-  const Pipeline steps = pipeline();
-  std::string file = parameters_.text("trajectory", "");
-  if (file.empty()) {
-    file = steps.path("trajectory.csv");
-    if (!steps.excite(file)) throw Error("no exciting motion was found within the limits");
-  }
-  const Trajectory motion = read_trajectory(file, robot_.size());
+  const std::string file = parameters_.text("trajectory", "");
+  const Trajectory motion =
+      file.empty() ? find_motion(settings(), context()) : read_trajectory(file, robot_.size());
   const double share = parameters_.number("approach_velocity", 0.1, {0.0, 1.0, true});
   for (int i = 0; command_.getNumSubscribers() == 0; ++i) {
-    if (cancel_) throw Cancelled();
+    if (cancel_) throw Stopped();
     if (i == 100) throw Error("nobody listens to " + private_.resolveName("command"));
     ros::WallDuration(0.05).sleep();
   }
@@ -557,7 +554,7 @@ void IdentificationNode::prepare() {
   if (pose.dq.size() > 0 && pose.dq.cwiseAbs().maxCoeff() > 0.05) throw Error("the robot is not at rest");
   const Trajectory all = with_approach(robot_, pose.q, motion, share);
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (cancel_) throw Cancelled();
+  if (cancel_) throw Stopped();
   motion_ = all;
   bag_.clear();
   recording_->start();
@@ -569,9 +566,9 @@ void IdentificationNode::prepare() {
 
 void IdentificationNode::save(const std::string& trouble) {
   const JointRecording::Summary summary = recording_->summary();
-  const Pipeline steps = pipeline();
-  steps.make_folder();
-  const std::string file = steps.path("recording.bag");
+  const IdentificationSettings now = settings();
+  make_folder(now);
+  const std::string file = file_in_folder(now, "recording.bag");
   write_bag(file, recording_->messages(), topic_, BagCompression::lz4);
   std::ostringstream text;
   text << summary.messages << " messages, " << summary.duration << " s, in " << file;
@@ -598,7 +595,7 @@ void IdentificationNode::save(const std::string& trouble) {
 }
 
 void IdentificationNode::run() {
-  nlohmann::json result = pipeline().run(bag_);
+  nlohmann::json result = identify_log(settings(), bag_, context(), nullptr);
   const JointRecording::Summary summary = recording_->summary();
   result["recording"] = {{"messages", summary.messages},
                          {"dropped", summary.dropped},
@@ -623,14 +620,17 @@ void IdentificationNode::run() {
 
 int main(int argc, char** argv) {
   // A bag named on the command line is worked on without a roscore, which ros::init() would wait for.
-  const dynid::Options options = dynid::command_line(argc, argv);
-  if (options.count("bag") > 0) return dynid::identify_bag(options);
+  const dynid::Texts options = dynid::command_line(argc, argv);
+  if (options.count("bag") > 0) {
+    std::signal(SIGINT, dynid::on_signal);
+    return dynid::identify_bag(options);
+  }
   ros::init(argc, argv, "identification", ros::init_options::NoSigintHandler);
   try {
     const ros::NodeHandle node("~");
-    if (node.param<std::string>("bag", "") != "") return dynid::identify_bag(dynid::on_server(node));
     std::signal(SIGINT, dynid::on_signal);
     std::signal(SIGTERM, dynid::on_signal);
+    if (node.param<std::string>("bag", "") != "") return dynid::identify_bag(dynid::on_server(node));
     dynid::IdentificationNode().spin();
   } catch (const std::exception& error) {
     std::cerr << "identification_node: " << dynid::one_line(error.what()) << std::endl;  // ROS is shut down

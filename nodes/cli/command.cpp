@@ -4,12 +4,10 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
-#include <iomanip>
 #include <iostream>
-#include <sstream>
 
+#include "cli/interrupt.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #ifdef DYNID_WITH_ROSBAG
@@ -23,11 +21,6 @@ std::vector<std::string> joint_names(const Robot& robot) {
   std::vector<std::string> names;
   for (const Joint& joint : robot.joints) names.push_back(joint.name);
   return names;
-}
-
-ProgressListener& progress_listener() {
-  static ProgressListener listener;
-  return listener;
 }
 
 #ifndef DYNID_WITH_ROSBAG
@@ -149,61 +142,23 @@ void Progress::operator()(const std::string& stage, double fraction) {
   const std::lock_guard<std::mutex> lock(mutex_);
   stage_ = stage;
   fraction_ = fraction;
-  if (progress_listener()) progress_listener()(stage, fraction);
 }
 
-void set_progress_listener(ProgressListener listener) { progress_listener() = std::move(listener); }
-
-nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x) {
-  return std::vector<double>(x.data(), x.data() + x.size());
+Context Progress::context() {
+  Context context;
+  context.progress = [this](const std::string& stage, double fraction) { (*this)(stage, fraction); };
+  context.stop = &stop_requested();
+  return context;
 }
 
-nlohmann::json to_json(const std::vector<Coefficient>& coefficients) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const Coefficient& c : coefficients)
-    list.push_back({{"name", c.name},
-                    {"expression", c.expression},
-                    {"value", c.value},
-                    {"std_percent", c.std_percent},
-                    {"kept", c.kept}});
-  return list;
-}
-
-nlohmann::json to_json(const std::vector<PreparedLog>& logs) {
-  nlohmann::json issues = nlohmann::json::array();
-  Eigen::Index samples = 0;
-  for (const PreparedLog& log : logs) {
-    samples += log.report.samples;
-    for (const DataIssue& issue : log.report.issues)
-      issues.push_back({{"name", issue.name},
-                        {"joints", issue.joints},
-                        {"value", issue.value},
-                        {"unit", issue.unit},
-                        {"text", issue.text},
-                        {"log", log.source}});
+std::vector<Log> read_logs(const LogOption& input, const std::vector<std::string>& paths, const Robot& robot,
+                           Progress& progress) {
+  std::vector<Log> logs;
+  for (const std::string& path : paths) {
+    progress.context().report("reading " + path, 0.0);
+    logs.push_back(input.read(path, robot));
   }
-  return {{"samples", samples}, {"rate_hz", logs.front().report.rate_hz}, {"issues", issues}};
-}
-
-void print(std::ostream& out, const std::vector<Coefficient>& coefficients) {
-  std::size_t width = 11;
-  for (const Coefficient& c : coefficients) width = std::max(width, c.name.size());
-  out << "  " << std::left << std::setw(static_cast<int>(width)) << "coefficient" << std::right
-      << std::setw(13) << "value" << std::setw(10) << "std %"
-      << "  groups\n";
-  for (const Coefficient& c : coefficients) {
-    char numbers[64];
-    std::snprintf(numbers, sizeof numbers, "%13.6g%10.3g", c.value, c.std_percent);
-    out << "  " << std::left << std::setw(static_cast<int>(width)) << c.name << std::right << numbers
-        << (c.kept ? "  " : "  (dropped) ") << (c.expression == c.name ? "" : c.expression) << "\n";
-  }
-}
-
-std::string in_a_row(const Eigen::Ref<const Eigen::VectorXd>& x, int digits) {
-  std::ostringstream text;
-  text << std::setprecision(digits);
-  for (Eigen::Index i = 0; i < x.size(); ++i) text << (i > 0 ? "  " : "") << x[i];
-  return text.str();
+  return logs;
 }
 
 }  // namespace dynid

@@ -2,20 +2,20 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <Eigen/Core>
-#include <chrono>
 #include <condition_variable>
-#include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "app/job.hpp"
+#include "app/serialise.hpp"
+#include "dynid/app/context.hpp"
+#include "dynid/app/text.hpp"
 #include "dynid/model/coefficient.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/signal/log.hpp"
-#include "dynid/signal/prepare.hpp"
 
 namespace dynid {
 
@@ -58,11 +58,6 @@ struct LogOption {
 /// The path names a rosbag.
 bool is_bag(const std::string& path);
 
-using ProgressListener = std::function<void(const std::string& stage, double fraction)>;
-/// Hears the progress of every command in this process from now on, on whatever thread; what it throws ends
-/// the command. To be set while none runs.
-void set_progress_listener(ProgressListener listener);
-
 /// A line on the terminal, rewritten, once a command has run for a second; nothing elsewhere. It is a thread
 /// of its own that writes it: a stage that says nothing for long still shows its name and the time.
 class Progress {
@@ -73,6 +68,8 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
   /// What is being done, and how much of it, 0..1 (0: not known).
   void operator()(const std::string& stage, double fraction = 0.0);
+  /// For a use case: it tells this line, and Ctrl-C stops it. Not to outlive this object.
+  Context context();
 
  private:
   std::mutex mutex_;
@@ -83,25 +80,10 @@ class Progress {
   std::thread writer_;
 };
 
-/// Seconds since the program started working on a command.
-class Stopwatch {
- public:
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+/// Logs of one command, in their order. Throws as LogOption::read().
+std::vector<Log> read_logs(const LogOption& input, const std::vector<std::string>& paths, const Robot& robot,
+                           Progress& progress);
 
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
-
-nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x);
-nlohmann::json to_json(const std::vector<Coefficient>& coefficients);
-/// `{"samples", "rate_hz", "issues": [{"name", "joints", "value", "unit", "text", "log"}]}` of all logs
-/// together.
-nlohmann::json to_json(const std::vector<PreparedLog>& logs);
-
-/// A table of coefficients for people.
-void print(std::ostream& out, const std::vector<Coefficient>& coefficients);
-/// Numbers over joints, in a row.
-std::string in_a_row(const Eigen::Ref<const Eigen::VectorXd>& x, int digits = 4);
+using detail::Stopwatch;
 
 }  // namespace dynid

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The command line: one file a subcommand under dynid/.
+// The command line: one file a subcommand in this folder.
 #include <CLI/CLI.hpp>
 #include <exception>
 #include <iostream>
@@ -7,6 +7,8 @@
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
+#include "cli/interrupt.hpp"
+#include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
 
 namespace {
@@ -30,12 +32,19 @@ int main(int argc, char** argv) {
   app.footer("Run 'dynid COMMAND --help' for the options of a command and an example.");
   int status = 0;
   dynid::add_commands(app, status);
+  dynid::listen_for_interrupts();
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& request) {  // --help, --version
     return app.exit(request);
   } catch (const CLI::ParseError& error) {
     std::cerr << "dynid: " << one_line(error.what()) << " (see --help)\n";
+    return bad_usage;
+  } catch (const dynid::Stopped&) {
+    std::cerr << "dynid: interrupted, nothing was written\n";
+    return dynid::interrupted_status();
+  } catch (const dynid::OptionError& error) {
+    std::cerr << "dynid: " << one_line(error.on_command_line()) << " (see --help)\n";
     return bad_usage;
   } catch (const dynid::Error& error) {
     std::cerr << "dynid: " << one_line(error.what()) << "\n";

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dynid/app/context.hpp"
+#include "dynid/diagnosis/blind.hpp"
+#include "dynid/model/robot.hpp"
+
+namespace dynid {
+
+/// The check of the diagnosis: a bank of simulated robots whose effects are withheld from it.
+struct BlindJob {
+  Robot nominal;
+  BlindOptions options;  ///< its `progress` is the context's; with an empty `folder` nothing is kept
+};
+
+struct BlindReport {
+  std::vector<BlindCase> cases;
+  BlindScore score;
+  BlindOptions options;  ///< of the bank
+
+  /// What makes probabilities and intervals mean what they say, fitted to this bank: text of a calibration
+  /// file. Throws Error as fit_calibration().
+  std::string calibration() const;
+};
+
+/// Throws OptionError: `cases` must be positive.
+void check_options(const BlindJob& job);
+
+/// Allocates; on all cores. Throws OptionError, Error as run_blind(), Stopped once the cases under way have
+/// ended.
+BlindReport run(const BlindJob& job, const Context& context = {});
+
+}  // namespace dynid

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dynid/app/excite.hpp"
+#include "dynid/app/pipeline.hpp"
+
+namespace dynid {
+
+/// What identification_node does with a log, and how: its parameters but those of the node itself (recording,
+/// moving, adopting).
+struct IdentificationSettings {
+  std::string model, base, tip;  ///< the model in use; links, for a URDF that branches
+  bool allow_inconsistent = false;
+  std::string folder = "identification";
+  std::string topic = "/joint_states";                          ///< of logs that are bags
+  std::string bounds, prior, validation, reference, collision;  ///< files; empty: none
+  /// Options of the steps. `retrieve` is there where `bounds` are, `diagnose` unless it was turned off.
+  PipelineJob job;
+  ExciteJob excite;  ///< options
+};
+
+/// From the parameters as text, by their names in docs/nodes.md. `unknown` takes the names that it does not
+/// know. Throws Error in one line that names the parameter: `~cutoff: -1 is negative`.
+IdentificationSettings identification_settings(const std::map<std::string, std::string>& parameters,
+                                               std::vector<std::string>& unknown);
+
+}  // namespace dynid

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "app/check.hpp"
+
+#include <cmath>
+#include <cstdio>
+
+#include "dynid/app/option_error.hpp"
+
+namespace dynid {
+namespace detail {
+namespace {
+
+std::string text_of(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", value);
+  return text;
+}
+
+}  // namespace
+
+void check_positive(const std::string& option, double value) {
+  if (!(value > 0.0 && std::isfinite(value))) throw OptionError(option, text_of(value) + " is not positive");
+}
+
+void check_not_negative(const std::string& option, double value) {
+  if (!(value >= 0.0 && std::isfinite(value)))
+    throw OptionError(option, std::isfinite(value) ? text_of(value) + " is negative"
+                                                   : text_of(value) + " is not a finite number");
+}
+
+void check_within(const std::string& option, double value, double lowest, double highest) {
+  if (!(value >= lowest && value <= highest))
+    throw OptionError(option, text_of(value) + " is not within " + text_of(lowest) + ".." + text_of(highest));
+}
+
+}  // namespace detail
+
+std::string OptionError::on_command_line() const {
+  std::string name = option_;
+  for (char& c : name)
+    if (c == '_') c = '-';
+  return "--" + name + ": " + rule_;
+}
+
+}  // namespace dynid

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "app/serialise.hpp"
+
+namespace dynid {
+
+nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x) {
+  return std::vector<double>(x.data(), x.data() + x.size());
+}
+
+nlohmann::json to_json(const std::vector<Coefficient>& coefficients) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Coefficient& c : coefficients)
+    list.push_back({{"name", c.name},
+                    {"expression", c.expression},
+                    {"value", c.value},
+                    {"std_percent", c.std_percent},
+                    {"kept", c.kept}});
+  return list;
+}
+
+nlohmann::json to_json(const std::vector<PreparedLog>& logs) {
+  nlohmann::json issues = nlohmann::json::array();
+  Eigen::Index samples = 0;
+  for (const PreparedLog& log : logs) {
+    samples += log.report.samples;
+    for (const DataIssue& issue : log.report.issues)
+      issues.push_back({{"name", issue.name},
+                        {"joints", issue.joints},
+                        {"value", issue.value},
+                        {"unit", issue.unit},
+                        {"text", issue.text},
+                        {"log", log.source}});
+  }
+  return {{"samples", samples}, {"rate_hz", logs.front().report.rate_hz}, {"issues", issues}};
+}
+
+}  // namespace dynid

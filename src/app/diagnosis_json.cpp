@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `dynid-diagnosis-1`: one function for each part of it.
+#include "app/serialise.hpp"
+
+namespace dynid {
+namespace {
+
+nlohmann::json values_json(const Eigen::VectorXd& x) {
+  if (x.size() == 1) return x[0];
+  return to_json(x);
+}
+
+nlohmann::json estimate_json(const Estimate& p) {
+  return {{"value", values_json(p.value)},
+          {"low", values_json(p.low)},
+          {"high", values_json(p.high)},
+          {"unit", p.unit}};
+}
+
+nlohmann::json effect_json(const FoundEffect& found) {
+  nlohmann::json parameters = nlohmann::json::object();
+  for (const Estimate& p : found.parameters) parameters[p.key] = estimate_json(p);
+  return {{"name", found.effect.name},        {"joints", found.effect.joints}, {"share", found.share},
+          {"probability", found.probability}, {"aliases", found.aliases},      {"parameters", parameters}};
+}
+
+nlohmann::json effects_json(const Diagnosis& d) {
+  nlohmann::json effects = nlohmann::json::array();
+  for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
+  return effects;
+}
+
+nlohmann::json where_json(const Diagnosis& d) {
+  nlohmann::json where = nlohmann::json::array();
+  for (const GapCell& c : d.where)
+    where.push_back({{"joint", c.joint}, {"regime", c.regime}, {"share", c.share}, {"p_value", c.p_value}});
+  return where;
+}
+
+nlohmann::json windows_json(const Diagnosis& d) {
+  nlohmann::json windows = nlohmann::json::array();
+  for (const GapWindow& w : d.windows)
+    windows.push_back({{"log", w.log}, {"t0", w.t0}, {"t1", w.t1}, {"joints", w.joints}});
+  return windows;
+}
+
+nlohmann::json visible_json(const Diagnosis& d) {
+  nlohmann::json visible = nlohmann::json::array();
+  for (const VisibleSize& v : d.smallest_visible)
+    visible.push_back({{"name", v.name}, {"joint", v.joint}, {"torque_rms", v.torque_rms}});
+  return visible;
+}
+
+nlohmann::json gap_json(const Diagnosis& d) {
+  return {{"rms", to_json(d.rms)},
+          {"floor", to_json(d.floor)},
+          {"where", where_json(d)},
+          {"windows", windows_json(d)},
+          {"smallest_visible", visible_json(d)}};
+}
+
+nlohmann::json ranking_json(const Diagnosis& d) {
+  nlohmann::json ranking = nlohmann::json::array();
+  for (const auto& [name, probability] : d.ranking)
+    ranking.push_back({{"name", name}, {"probability", probability}});
+  return ranking;
+}
+
+nlohmann::json rollout_json(const Rollout& rollout) {
+  return {{"horizon_s", to_json(rollout.horizon)},
+          {"before", to_json(rollout.before)},
+          {"after", to_json(rollout.after)}};
+}
+
+nlohmann::json shrink_json(const Diagnosis& d) {
+  return {{"before", to_json(d.shrink.before)},
+          {"after", to_json(d.shrink.after)},
+          {"floor", to_json(d.shrink.floor)},
+          {"fraction", d.shrink.fraction},
+          {"low", d.shrink.low},
+          {"high", d.shrink.high},
+          {"held_out", d.shrink.held_out},
+          {"rollout", rollout_json(d.rollout)}};
+}
+
+nlohmann::json next_json(const NextExperiment& next) {
+  nlohmann::json separates = nlohmann::json::array();
+  for (const auto& [a, b] : next.separates) separates.push_back({a, b});
+  return {{"text", next.text}, {"separates", separates}, {"trajectory", nullptr}};
+}
+
+}  // namespace
+
+nlohmann::json to_json(const DiagnoseReport& report) {
+  const Diagnosis& d = report.diagnosis;
+  return {{"format", "dynid-diagnosis-1"},
+          {"data", to_json(d.logs)},
+          {"gap", gap_json(d)},
+          {"p_value", d.p_value},
+          {"verdict", to_string(d.verdict)},
+          {"effects", effects_json(d)},
+          {"ranking", ranking_json(d)},
+          {"shrink", shrink_json(d)},
+          {"next_experiment", next_json(d.next)},
+          {"nominal_error", d.nominal_error},
+          {"explained", d.explained},
+          {"cutoff_hz", d.cutoff},
+          {"view", report.referenced ? "B" : "A"},
+          {"seconds", d.seconds}};
+}
+
+}  // namespace dynid
