@@ -59,6 +59,35 @@ void check_joint(const Joint& joint, const std::string& name) {
   if (!std::isfinite(joint.rotor_inertia)) throw Error(name + ": rotor inertia is not finite");
 }
 
+void check_servo(const Servo& s, const std::string& where) {
+  const auto at_least_zero = [&](const char* key, double value) {
+    if (!(value >= 0.0) || !std::isfinite(value))
+      throw Error(where + key + " must be a number of at least zero");
+  };
+  const auto positive = [&](const char* key, double value) {
+    if (!(value > 0.0)) throw Error(where + key + " must be positive");
+  };
+  at_least_zero("kp", s.kp);
+  at_least_zero("kd", s.kd);
+  at_least_zero("damping_ratio", s.damping_ratio);
+  at_least_zero("coulomb_position", s.coulomb_position);
+  at_least_zero("stribeck_position", s.stribeck_position);
+  at_least_zero("stribeck_velocity", s.stribeck_velocity);
+  at_least_zero("load_friction", s.load_friction);
+  at_least_zero("command_time_constant", s.command_time_constant);
+  if (!std::isfinite(s.bias) || !std::isfinite(s.delay)) throw Error(where + "bias and delay must be finite");
+  positive("torque_limit", s.torque_limit);
+  positive("error_limit", s.error_limit);
+  if (s.kp > 0.0) {
+    if (s.natural_frequency != 0.0 || s.damping_ratio != 0.0 || s.coulomb_position != 0.0)
+      throw Error(where +
+                  "takes kp, or the ratios natural_frequency, damping_ratio and coulomb_position, not both");
+  } else {
+    if (!std::isfinite(s.natural_frequency)) throw Error(where + "natural_frequency is not finite");
+    positive("natural_frequency", s.natural_frequency);
+  }
+}
+
 }  // namespace
 
 Eigen::VectorXd Robot::parameters() const {
@@ -129,6 +158,8 @@ void validate(const Robot& robot) {
   for (int k = 0; k < robot.size(); ++k) {
     check_joint(robot.joints[static_cast<std::size_t>(k)], prefix + label(robot, k));
   }
+  for (const Joint& joint : robot.joints)
+    if (joint.servo) check_servo(*joint.servo, prefix + "joint '" + joint.name + "': servo: ");
   for (const Effect& effect : robot.effects) {
     if (effect.name.empty()) throw Error(prefix + "an effect has no name");
     int last = 0;

@@ -29,6 +29,8 @@ constexpr const char* header =
 # for a centre of mass). friction: viscous dq + coulomb sign(dq) + offset
 # + phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), where sign(dq) is tanh(dq / velocity_scale) if
 # that is given. gravity: in the base frame. effects: beyond the rigid body and friction, joints from 1.
+# servo: kp (u(t - delay) - q - bias) - kd dq drives the joint; without kp only ratios to it are known:
+# natural_frequency sqrt(kp / J), damping_ratio, coulomb_position Fc / kp.
 )";
 
 /// A node and where it stands, for errors.
@@ -253,9 +255,38 @@ JointType read_type(const Item& item) {
   item.fail("expected revolute, continuous or prismatic, found '" + name + "'");
 }
 
+struct ServoKey {
+  const char* key;
+  double Servo::*value;
+};
+constexpr ServoKey servo_keys[] = {{"kp", &Servo::kp},
+                                   {"kd", &Servo::kd},
+                                   {"natural_frequency", &Servo::natural_frequency},
+                                   {"damping_ratio", &Servo::damping_ratio},
+                                   {"coulomb_position", &Servo::coulomb_position},
+                                   {"delay", &Servo::delay},
+                                   {"bias", &Servo::bias},
+                                   {"stribeck_position", &Servo::stribeck_position},
+                                   {"stribeck_velocity", &Servo::stribeck_velocity},
+                                   {"load_friction", &Servo::load_friction},
+                                   {"torque_limit", &Servo::torque_limit},
+                                   {"error_limit", &Servo::error_limit},
+                                   {"command_time_constant", &Servo::command_time_constant}};
+
+Servo read_servo(const Item& item) {
+  item.expect_keys({"kp", "kd", "natural_frequency", "damping_ratio", "coulomb_position", "delay", "bias",
+                    "stribeck_position", "stribeck_velocity", "load_friction", "torque_limit", "error_limit",
+                    "command_time_constant"});
+  if (!item.has("kp") && !item.has("natural_frequency")) item.fail("missing kp, or natural_frequency");
+  Servo servo;
+  for (const ServoKey& k : servo_keys)
+    if (item.has(k.key)) servo.*k.value = item.at(k.key).number();
+  return servo;
+}
+
 Joint read_joint(const Item& item) {
   item.expect_keys({"name", "link", "type", "dh", "origin", "axis", "limits", "mass", "com", "inertia",
-                    "first_moment", "inertia_about_origin", "friction", "rotor_inertia"});
+                    "first_moment", "inertia_about_origin", "friction", "rotor_inertia", "servo"});
   Joint joint;
   joint.name = item.at("name").name();
   joint.link_name = item.at("link").name();
@@ -280,6 +311,7 @@ Joint read_joint(const Item& item) {
   joint.parameters = read_inertia(item);
   if (item.has("friction")) joint.friction = read_friction(item.at("friction"));
   if (item.has("rotor_inertia")) joint.rotor_inertia = item.at("rotor_inertia").number();
+  if (item.has("servo")) joint.servo = read_servo(item.at("servo"));
   return joint;
 }
 
@@ -445,6 +477,15 @@ void put_friction(YAML::Emitter& out, const JointFriction& friction) {
   out << YAML::EndMap;
 }
 
+/// What differs from the default: a limit that is not there, a term that was not found, is not written.
+void put_servo(YAML::Emitter& out, const Servo& servo) {
+  const Servo none;
+  out << YAML::Key << "servo" << YAML::Value << YAML::BeginMap;
+  for (const ServoKey& k : servo_keys)
+    if (servo.*k.value != none.*k.value) put(out, k.key, servo.*k.value);
+  out << YAML::EndMap;
+}
+
 void put_joint(YAML::Emitter& out, const Joint& joint) {
   const char* type = "";
   for (const auto& [value, word] : joint_types) {
@@ -473,6 +514,7 @@ void put_joint(YAML::Emitter& out, const Joint& joint) {
   put_inertia(out, joint.parameters);
   put_friction(out, joint.friction);
   if (joint.rotor_inertia != 0.0) put(out, "rotor_inertia", joint.rotor_inertia);
+  if (joint.servo) put_servo(out, *joint.servo);
   out << YAML::EndMap;
 }
 

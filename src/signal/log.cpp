@@ -26,6 +26,7 @@ Log read_log(const std::string& path, int joints, const LogColumns& required) {
   log.tau_cmd = table.group("tau_cmd", joints, false);
   log.theta = table.group("theta", joints, false);
   log.temp = table.group("temp", joints, false);
+  log.u = table.group("u", joints, false);
 
   const int time = table.find("t");
   if (time < 0 && required.t) throw Error(path + ": column t is missing");
@@ -41,12 +42,16 @@ Log read_log(const std::string& path, int joints, const LogColumns& required) {
 }
 
 void write_log(const std::string& path, const Log& log) {
-  const std::pair<const char*, const Eigen::MatrixXd*> groups[] = {
-      {"q", &log.q},      {"dq", &log.dq},           {"tau", &log.tau},
-      {"ddq", &log.ddq},  {"tau_cmd", &log.tau_cmd}, {"theta", &log.theta},
-      {"temp", &log.temp}};
+  const std::pair<const char*, const Eigen::MatrixXd*> groups[] = {{"q", &log.q},
+                                                                   {"dq", &log.dq},
+                                                                   {"tau", &log.tau},
+                                                                   {"ddq", &log.ddq},
+                                                                   {"tau_cmd", &log.tau_cmd},
+                                                                   {"theta", &log.theta},
+                                                                   {"temp", &log.temp},
+                                                                   {"u", &log.u}};
   std::vector<std::string> names;
-  Eigen::MatrixXd values(log.samples(), (log.t.size() > 0 ? 1 : 0) + 7 * log.q.cols());
+  Eigen::MatrixXd values(log.samples(), (log.t.size() > 0 ? 1 : 0) + 8 * log.q.cols());
   Eigen::Index column = 0;
   if (log.t.size() > 0) {
     if (log.t.size() != log.samples()) throw Error(path + ": column t has another length than the positions");

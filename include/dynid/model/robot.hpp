@@ -11,6 +11,7 @@
 #include "dynid/model/effect.hpp"
 #include "dynid/model/friction_parameters.hpp"
 #include "dynid/model/link_inertia.hpp"
+#include "dynid/model/servo.hpp"
 
 namespace dynid {
 
@@ -53,6 +54,7 @@ struct Joint {
   StandardParameters parameters = StandardParameters::Zero();  ///< of the link, in the link frame
   JointFriction friction;
   double rotor_inertia = 0.0;  ///< Ia [kg m^2], reflected to the joint side: adds Ia ddq to the torque
+  std::optional<Servo> servo;  ///< of a position-controlled joint
 };
 
 /// A serial arm: what it is, not what it does. Plain data; see dynid::Model for the form that the kernels

@@ -18,6 +18,7 @@ struct Log {
   Eigen::MatrixXd tau_cmd;  ///< N x n, commanded torque [N m], optional
   Eigen::MatrixXd theta;    ///< N x n, motor-side position [rad], optional
   Eigen::MatrixXd temp;     ///< N x n, temperature [deg C], optional
+  Eigen::MatrixXd u;        ///< N x n, commanded position of a servo [rad or m], optional
 
   Eigen::Index samples() const noexcept { return q.rows(); }          ///< N
   int joints() const noexcept { return static_cast<int>(q.cols()); }  ///< n
@@ -31,14 +32,14 @@ struct LogColumns {
 };
 
 /// Reads a CSV log (CONTRACT: columns `t, q1..qn, dq1..dqn, tau1..taun` in any order, optional `ddq, tau_cmd,
-/// theta, temp`; others are ignored). `joints` is n, 0 to take it from the file. Throws Error naming file,
+/// theta, temp, u`; others are ignored). `joints` is n, 0 to take it from the file. Throws Error naming file,
 /// line and column for everything that read_table() refuses, a missing column, a number of joints other than
 /// n, and time that goes back.
 Log read_log(const std::string& path, int joints = 0, const LogColumns& required = {});
 
-/// Writes what the log has as CSV, in the order `t, q.., dq.., tau.., ddq.., tau_cmd.., theta.., temp..`,
-/// whole or not at all, every number reading back to the same double. Throws Error naming the path, also on
-/// sizes that do not match.
+/// Writes what the log has as CSV, in the order `t, q.., dq.., tau.., ddq.., tau_cmd.., theta.., temp..,
+/// u..`, whole or not at all, every number reading back to the same double. Throws Error naming the path,
+/// also on sizes that do not match.
 void write_log(const std::string& path, const Log& log);
 
 }  // namespace dynid

@@ -1,0 +1,383 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "servo_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "dynid/identification/triangular_factor.hpp"
+#include "dynid/signal/filter.hpp"
+
+namespace dynid::detail {
+namespace {
+
+constexpr double huber_constant = 1.345;  // 95 % efficiency on normal noise
+
+double median(std::vector<double> x) {
+  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
+  std::nth_element(x.begin(), middle, x.end());
+  return *middle;
+}
+
+/// Runs the open loop and calls visit(i, state) at every stamp from the second on.
+template <bool sensitive, class Visit>
+void run(const ServoJoint& joint, const ServoSeries& s, int substeps, Visit&& visit) {
+  ServoState<sensitive> state(s.q[0], s.v0, s.u[0]);
+  const bool body = s.load.size() > 0;
+  Eigen::Index hint = 0;
+  ServoInput in;
+  for (Eigen::Index i = 0; i + 1 < s.t.size(); ++i) {
+    const double span = s.t[i + 1] - s.t[i];
+    const int steps = std::max(1, static_cast<int>(std::lround(substeps * span / s.interval)));
+    const double h = span / steps;
+    if (span > 0.0)
+      for (int k = 0; k < steps; ++k) {
+        s.command.fill(s.t[i] + k * h, h, joint.delay, hint, in);
+        if (body) {
+          const double x = (k + 0.5) / steps;
+          in.inertia = s.inertia[i] + x * (s.inertia[i + 1] - s.inertia[i]);
+          in.load = s.load[i] + x * (s.load[i + 1] - s.load[i]);
+        }
+        state.step(joint, in);
+      }
+    visit(i + 1, state);
+  }
+}
+
+double huber(double r, double width) {
+  const double z = std::abs(r);
+  return z <= width ? 0.5 * z * z : width * (z - 0.5 * width);
+}
+
+/// The search's coordinates.
+class Coordinates {
+ public:
+  Coordinates(const Parameters& free, double interval, int longest_delay) : free_(free) {
+    for (const ServoParameter p : free) bounds_.push_back(servo_bounds(p, interval, longest_delay));
+  }
+  Eigen::Index size() const { return static_cast<Eigen::Index>(free_.size()); }
+  const ServoBounds& bounds(Eigen::Index k) const { return bounds_[static_cast<std::size_t>(k)]; }
+  Eigen::VectorXd of(const ServoJoint& joint) const {
+    Eigen::VectorXd x(size());
+    for (Eigen::Index k = 0; k < size(); ++k) {
+      const ServoBounds& b = bounds(k);
+      const double value = std::clamp(joint[free_[static_cast<std::size_t>(k)]], b.low, b.high);
+      x[k] = b.logarithmic ? std::log(value) : value;
+    }
+    return x;
+  }
+  ServoJoint joint(ServoJoint joint, const Eigen::VectorXd& x) const {
+    for (Eigen::Index k = 0; k < size(); ++k)
+      joint[free_[static_cast<std::size_t>(k)]] =
+          std::clamp(bounds(k).logarithmic ? std::exp(x[k]) : x[k], bounds(k).low, bounds(k).high);
+    return joint;
+  }
+  double low(Eigen::Index k) const { return bounds(k).logarithmic ? std::log(bounds(k).low) : bounds(k).low; }
+  double high(Eigen::Index k) const {
+    return bounds(k).logarithmic ? std::log(bounds(k).high) : bounds(k).high;
+  }
+  /// d theta / d x.
+  Eigen::VectorXd slope(const ServoJoint& joint) const {
+    Eigen::VectorXd s(size());
+    for (Eigen::Index k = 0; k < size(); ++k)
+      s[k] = bounds(k).logarithmic ? joint[free_[static_cast<std::size_t>(k)]] : 1.0;
+    return s;
+  }
+
+ private:
+  const Parameters& free_;
+  std::vector<ServoBounds> bounds_;
+};
+
+double cost_of(const ServoProblem& problem, const ServoJoint& joint, double width) {
+  double cost = 0.0;
+  Eigen::Index samples = 0;
+  for (const ServoSeries* s : problem.series) {
+    run<false>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
+      cost += huber(s->q[i] - state.q, width);
+    });
+    samples += s->q.size();
+  }
+  return cost / double(samples);
+}
+
+/// Gradient and Gauss-Newton matrix of the loss a sample, in the search's coordinates.
+struct Normal {
+  Eigen::MatrixXd A;
+  Eigen::VectorXd b;
+  double cost = 0.0;
+};
+
+Normal normal_equations(const ServoProblem& problem, const ServoJoint& joint, const Parameters& free,
+                        const Eigen::VectorXd& slope, double width) {
+  const auto n = static_cast<Eigen::Index>(free.size());
+  Normal out{Eigen::MatrixXd::Zero(n, n), Eigen::VectorXd::Zero(n), 0.0};
+  Eigen::VectorXd J(n);
+  Eigen::Index samples = 0;
+  for (const ServoSeries* s : problem.series) {
+    run<true>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+      const double r = s->q[i] - state.q;
+      const double weight = std::abs(r) <= width ? 1.0 : width / std::abs(r);
+      for (Eigen::Index k = 0; k < n; ++k)
+        J[k] = slope[k] * state.dq[static_cast<int>(free[static_cast<std::size_t>(k)])];
+      out.A.selfadjointView<Eigen::Lower>().rankUpdate(J, weight);
+      out.b += weight * r * J;
+      out.cost += huber(r, width);
+    });
+    samples += s->q.size();
+  }
+  out.A = Eigen::MatrixXd(out.A.selfadjointView<Eigen::Lower>()) / double(samples);
+  out.b /= double(samples);
+  out.cost /= double(samples);
+  return out;
+}
+
+}  // namespace
+
+ServoBounds servo_bounds(ServoParameter p, double interval, int longest_delay) {
+  const double infinite = 1e6;
+  switch (p) {
+    case ServoParameter::inertia:  // a natural frequency above twice the sampling rate's Nyquist cannot be
+                                   // seen
+      return {true, interval * interval / (4.0 * M_PI * M_PI), 1e4 * interval * interval};
+    case ServoParameter::damping:
+      return {true, 1e-3 * interval, 1e3 * interval};
+    case ServoParameter::coulomb:
+    case ServoParameter::stribeck:
+    case ServoParameter::compliance:
+      return {false, 0.0, infinite};
+    case ServoParameter::bias:
+      return {false, -infinite, infinite};
+    case ServoParameter::delay:
+      return {false, 0.0, longest_delay * interval};
+    case ServoParameter::stribeck_velocity:
+      return {true, 1e-6, infinite};
+    case ServoParameter::load_friction:  // of one: a gear that locks itself under load
+      return {false, 0.0, 1.0};
+    case ServoParameter::limit:
+      return {true, 1e-9, infinite};
+    case ServoParameter::command_lag:
+      return {false, 0.0, 10.0 * longest_delay * interval};
+  }
+  return {};
+}
+
+Eigen::VectorXd simulate_servo(const ServoJoint& joint, const ServoSeries& series, int substeps) {
+  Eigen::VectorXd q(series.q.size());
+  q[0] = series.q[0];
+  run<false>(joint, series, substeps,
+             [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
+  return q;
+}
+
+Eigen::VectorXd servo_errors(const ServoJoint& joint, const ServoProblem& problem) {
+  Eigen::VectorXd errors(static_cast<Eigen::Index>(problem.series.size()));
+  for (std::size_t k = 0; k < problem.series.size(); ++k) {
+    const ServoSeries& s = *problem.series[k];
+    errors[static_cast<Eigen::Index>(k)] =
+        (simulate_servo(joint, s, problem.substeps) - s.q).cwiseAbs().mean();
+  }
+  return errors;
+}
+
+double huber_width(const ServoProblem& problem, const ServoJoint& joint) {
+  std::vector<double> r;
+  double step = 0.0;
+  for (const ServoSeries* s : problem.series) {
+    const Eigen::VectorXd q = simulate_servo(joint, *s, problem.substeps);
+    for (Eigen::Index i = 0; i < q.size(); ++i) r.push_back(std::abs(q[i] - s->q[i]));
+    step = std::max(step, s->resolution);
+  }
+  return std::max({huber_constant * 1.4826 * median(std::move(r)), step, 1e-12});
+}
+
+ServoSolution fit_servo(const ServoProblem& problem, const ServoJoint& start, const Parameters& free,
+                        double width, int iterations) {
+  constexpr double converged = 1e-6;    // of the loss, relative
+  constexpr double longest_step = 1.0;  // of a logarithm: a factor e
+  const double interval = problem.series.front()->interval;
+  const Coordinates coordinates(free, interval, problem.longest_delay);
+  const Eigen::Index n = coordinates.size();
+  Eigen::VectorXd x = coordinates.of(start);
+  ServoSolution out;
+  out.width = width;
+  out.joint = coordinates.joint(start, x);
+  double damping = 1e-3;
+  bool moved = true;
+  for (; out.iterations < iterations && moved; ++out.iterations) {
+    const Normal normal = normal_equations(problem, out.joint, free, coordinates.slope(out.joint), width);
+    out.cost = normal.cost;
+    moved = false;
+    for (int attempt = 0; attempt < 8 && !moved; ++attempt) {
+      Eigen::MatrixXd A = normal.A;
+      Eigen::VectorXd b = normal.b;
+      A.diagonal() *= 1.0 + damping;
+      A.diagonal().array() += 1e-14 * std::max(A.diagonal().maxCoeff(), 1e-300);
+      for (Eigen::Index k = 0; k < n; ++k) {  // at a bound and pushed outwards: held there
+        if ((x[k] <= coordinates.low(k) && b[k] <= 0.0) || (x[k] >= coordinates.high(k) && b[k] >= 0.0)) {
+          A.row(k).setZero();
+          A.col(k).setZero();
+          A(k, k) = 1.0;
+          b[k] = 0.0;
+        }
+      }
+      Eigen::VectorXd next = x + A.ldlt().solve(b);
+      for (Eigen::Index k = 0; k < n; ++k) {
+        if (coordinates.bounds(k).logarithmic)
+          next[k] = std::clamp(next[k], x[k] - longest_step, x[k] + longest_step);
+        next[k] = std::clamp(next[k], coordinates.low(k), coordinates.high(k));
+      }
+      const ServoJoint candidate = coordinates.joint(start, next);
+      const double cost = next.allFinite() ? cost_of(problem, candidate, width) : out.cost;
+      if (cost < out.cost) {
+        moved = out.cost - cost > converged * out.cost;
+        x = next;
+        out.joint = candidate;
+        out.cost = cost;
+        damping = std::max(damping / 5.0, 1e-9);
+        if (!moved) return out;
+      } else {
+        damping *= 5.0;
+      }
+    }
+  }
+  return out;
+}
+
+std::optional<ServoJoint> equation_error(const ServoProblem& problem) {
+  // a ddq + c dq + f sgn dq + b = u(t - d) - q, rows of a joint that moves; all columns behind one filter.
+  struct Rows {
+    Eigen::MatrixXd columns;  // ddq, dq, sgn dq, 1
+    Eigen::VectorXd q, grid;
+    double rate;
+  };
+  std::vector<Rows> rows;
+  for (const ServoSeries* s : problem.series) {
+    std::vector<Eigen::Index> fresh = {0};
+    for (Eigen::Index i = 1; i < s->t.size(); ++i)
+      if (s->t[i] > s->t[fresh.back()]) fresh.push_back(i);
+    const auto n = static_cast<Eigen::Index>(fresh.size());
+    Eigen::VectorXd t(n), q(n);
+    for (Eigen::Index i = 0; i < n; ++i)
+      t[i] = s->t[fresh[static_cast<std::size_t>(i)]], q[i] = s->q[fresh[static_cast<std::size_t>(i)]];
+    const double rate = 1.0 / s->interval;
+    const auto count = static_cast<Eigen::Index>((t[n - 1] - t[0]) * rate) + 1;
+    if (count < 64) continue;
+    Rows r;
+    r.rate = rate;
+    r.grid = Eigen::VectorXd::LinSpaced(count, t[0], t[0] + double(count - 1) / rate);
+    Eigen::MatrixXd x = interpolate(t, q, r.grid);
+    ZeroPhaseButterworth(rate / 6.0, rate).apply(x);
+    const Eigen::MatrixXd v = differentiate(x, rate), a = differentiate(v, rate);
+    r.q = x;
+    r.columns.resize(count, 4);
+    r.columns << a, v, v.cwiseSign(), Eigen::VectorXd::Ones(count);
+    rows.push_back(std::move(r));
+  }
+  if (rows.empty()) return {};
+  double speed = 0.0;
+  for (const Rows& r : rows)
+    speed = std::max(speed, std::sqrt(r.columns.col(1).squaredNorm() / double(r.q.size())));
+  const double interval = problem.series.front()->interval;
+  double best = std::numeric_limits<double>::infinity();
+  std::optional<ServoJoint> found;
+  for (double delay = 0.0; delay <= problem.longest_delay * interval; delay += 0.25 * interval) {
+    TriangularFactor factor(4);
+    std::size_t k = 0;
+    for (const ServoSeries* s : problem.series) {
+      if (k >= rows.size()) break;
+      const Rows& r = rows[k++];
+      Eigen::MatrixXd u(r.grid.size(), 1);
+      Eigen::Index hint = 0;
+      ServoInput in;
+      for (Eigen::Index i = 0; i < r.grid.size(); ++i) {
+        s->command.fill(r.grid[i] - 0.5 * interval, interval, delay, hint, in);
+        u(i, 0) = in.command;
+      }
+      ZeroPhaseButterworth(r.rate / 6.0, r.rate).apply(u);
+      Eigen::MatrixXd block(r.grid.size(), 5);
+      Eigen::Index used = 0;
+      for (Eigen::Index i = 0; i < r.grid.size(); ++i) {
+        if (std::abs(r.columns(i, 1)) < 0.2 * speed) continue;  // a joint at rest does not say its friction
+        block.row(used) << r.columns.row(i), u(i, 0) - r.q[i];
+        ++used;
+      }
+      factor.add(block.topRows(used));
+    }
+    if (factor.rows() < 64) return {};
+    if (factor.residual() >= best) continue;
+    const Eigen::VectorXd x = factor.R().colPivHouseholderQr().solve(factor.z());
+    if (!x.allFinite() || x[0] <= 0.0 || x[1] <= 0.0) continue;
+    best = factor.residual();
+    ServoJoint joint;
+    joint.inertia = x[0];
+    joint.damping = x[1];
+    joint.coulomb = std::max(x[2], 0.0);
+    joint.bias = x[3];
+    joint.delay = delay;
+    found = joint;
+  }
+  return found;
+}
+
+ServoInformation servo_information(const ServoProblem& problem, const ServoSolution& solution,
+                                   const Parameters& free) {
+  constexpr Eigen::Index blocks_a_log = 20;
+  const double interval = problem.series.front()->interval;
+  const Coordinates all(free, interval, problem.longest_delay);
+  ServoInformation out;
+  const Eigen::VectorXd at = all.of(solution.joint);
+  for (Eigen::Index k = 0; k < all.size(); ++k)
+    if (at[k] > all.low(k) && at[k] < all.high(k)) out.free.push_back(free[static_cast<std::size_t>(k)]);
+  const auto n = static_cast<Eigen::Index>(out.free.size());
+  const Coordinates coordinates(out.free, interval, problem.longest_delay);
+  const Eigen::VectorXd slope = coordinates.slope(solution.joint);
+  out.hessian = Eigen::MatrixXd::Zero(n, n);
+  std::vector<Eigen::VectorXd> blocks, logs;
+  for (const ServoSeries* s : problem.series) {
+    const Eigen::Index size = s->q.size(),
+                       length = std::max<Eigen::Index>(1, (size + blocks_a_log - 1) / blocks_a_log);
+    Eigen::VectorXd score = Eigen::VectorXd::Zero(n), of_log = score, J(n);
+    Eigen::Index filled = 0;
+    run<true>(solution.joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+      const double r = s->q[i] - state.q;
+      const bool inside = std::abs(r) <= solution.width;
+      for (Eigen::Index k = 0; k < n; ++k)
+        J[k] = slope[k] * state.dq[static_cast<int>(out.free[static_cast<std::size_t>(k)])];
+      if (inside) out.hessian.selfadjointView<Eigen::Lower>().rankUpdate(J);
+      score += (inside ? r : std::copysign(solution.width, r)) * J;
+      if (++filled == length || i + 1 == size) {
+        blocks.push_back(score);
+        of_log += score;
+        score.setZero();
+        filled = 0;
+      }
+    });
+    logs.push_back(of_log);
+  }
+  out.hessian = Eigen::MatrixXd(out.hessian.selfadjointView<Eigen::Lower>());
+  // A direction that the logs do not show at all gets a wide interval, not an infinite one.
+  Eigen::MatrixXd H = out.hessian;
+  H.diagonal() *= 1.0 + 1e-9;
+  H.diagonal().array() += 1e-12 * H.diagonal().maxCoeff();
+  const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  const auto spread = [&](const std::vector<Eigen::VectorXd>& scores) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
+    for (const Eigen::VectorXd& s : scores) mean += s;
+    mean /= double(scores.size());
+    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n);
+    for (const Eigen::VectorXd& s : scores) S += (s - mean) * (s - mean).transpose();
+    return Eigen::MatrixXd(inverse * S * inverse * (double(scores.size()) / double(scores.size() - 1)));
+  };
+  out.covariance = spread(blocks);
+  out.degrees = double(blocks.size()) - double(n);
+  if (logs.size() >= 3) {
+    const Eigen::MatrixXd between = spread(logs);
+    double ratio = 0.0;
+    for (Eigen::Index k = 0; k < n; ++k) ratio += between(k, k) / out.covariance(k, k) / double(n);
+    if (ratio > 1.0) out.covariance *= ratio;
+  }
+  return out;
+}
+
+}  // namespace dynid::detail
