@@ -21,6 +21,7 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/text.hpp"
 #include "ros/joint_state.hpp"
 
 namespace dynid {
@@ -55,9 +56,7 @@ class Topic {
   }
   /// `damage`: why the bag is not whole; empty where it is.
   [[noreturn]] void nothing(const std::string& damage) const {
-    std::string list;
-    for (const std::string& topic : present_) list += (list.empty() ? "; there are " : ", ") + topic;
-    if (list.empty()) list = ", nor is any other";
+    const std::string list = present_.empty() ? ", nor is any other" : "; there are " + join(present_);
     throw Error(where() + (found_ ? "has no message" : "is not in the bag" + list) +
                 (damage.empty() ? "" : "; the bag is not whole (" + damage + ")"));
   }
@@ -243,12 +242,9 @@ class Rows {
   double last() const { return seconds(t_.back()); }
 
   Log log(const std::string& path, const LogColumns& required) const {
-    if (samples() == 0) {
-      std::string list;
-      for (const std::string& name : names_) list += (list.empty() ? "" : ", ") + name;
+    if (samples() == 0)
       throw Error(where_ + "has no message with joint '" + reader_.joints().front() +
-                  "' or another of the robot's; there are " + (list.empty() ? "no names" : list));
-    }
+                  "' or another of the robot's; there are " + (names_.empty() ? "no names" : join(names_)));
     if (first_.isZero() && t_.back() == 0) throw Error(where_ + "has no stamps: header.stamp is 0");
     Log log;
     log.source = path;

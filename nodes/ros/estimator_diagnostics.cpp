@@ -6,22 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
+
 namespace dynid {
 
 namespace {
 
 using Level = diagnostic_msgs::DiagnosticStatus;
-
-template <class Values>
-std::string in_a_row(const Values& x, const char* format) {
-  std::string row;
-  char number[32];
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    std::snprintf(number, sizeof number, format, static_cast<double>(x[i]));
-    row += (i == 0 ? "" : " ") + std::string(number);
-  }
-  return row;
-}
 
 }  // namespace
 
@@ -37,10 +29,10 @@ std::string describe(Status status) {
                {Status::limits_exceeded, "limits_exceeded"},
                {Status::near_singular, "near_singular"},
                {Status::model_changed, "model_changed"}};
-  std::string names;
+  std::vector<std::string> names;
   for (const auto& one : flags)
-    if (has(status, one.flag)) names += (names.empty() ? "" : ", ") + std::string(one.name);
-  return names.empty() ? "ok" : names;
+    if (has(status, one.flag)) names.emplace_back(one.name);
+  return names.empty() ? "ok" : join(names);
 }
 
 std::string EstimatorDiagnostics::joint(int index) const {
@@ -139,9 +131,9 @@ void EstimatorDiagnostics::output(Wrapper& status, const Eigen::VectorXd& contac
                              now_.rest[i], joint(static_cast<int>(i)).c_str());
   status.addf("worst compute time [us]", "%.1f", 1e6 * now_.window.worst_compute);
   status.addf("worst compute time since the start [us]", "%.1f", 1e6 * now_.worst_compute);
-  status.add("residual at rest [N m]", now_.rest.size() > 0 ? in_a_row(now_.rest, "%.3f") : "");
+  status.add("residual at rest [N m]", now_.rest.size() > 0 ? fixed_row(now_.rest, 3, " ") : "");
   status.addf("resting for [s]", "%.1f", now_.rest_time);
-  status.add("contact thresholds [N m]", in_a_row(contact_threshold, "%.3f"));
+  status.add("contact thresholds [N m]", fixed_row(contact_threshold, 3, " "));
   status.add("last status", describe(now_.last_status));
   status.add("near a singularity", now_.near_singular);
   status.add("beyond a limit", now_.beyond_limits);
@@ -152,11 +144,8 @@ void EstimatorDiagnostics::model(Wrapper& status, const EstimatorModel& model, c
   status.summary(Level::OK, "in use");
   if (!model.broken.empty())
     status.summary(Level::WARN, "not physically consistent: " + dynid::describe(model.broken.front()));
-  if (!model.uncompensated.empty()) {
-    std::string names;
-    for (const std::string& name : model.uncompensated) names += (names.empty() ? "" : ", ") + name;
-    status.mergeSummary(Level::WARN, "not compensated: " + names);
-  }
+  if (!model.uncompensated.empty())
+    status.mergeSummary(Level::WARN, "not compensated: " + join(model.uncompensated));
   if (!trouble.empty()) status.mergeSummary(Level::WARN, "last change refused: " + trouble);
   status.add("file", model.path);
   status.add("robot", model.file.robot.name);
@@ -164,14 +153,14 @@ void EstimatorDiagnostics::model(Wrapper& status, const EstimatorModel& model, c
   status.add("physically consistent", model.broken.empty() ? "yes" : "no");
   for (const Inconsistency& broken : model.broken) status.add("broken", dynid::describe(broken));
   status.addf("payload mass [kg]", "%g", payload.mass);
-  status.add("payload com [m]", in_a_row(payload.com, "%g"));
+  status.add("payload com [m]", number_row(payload.com, 6, " "));
 }
 
 void EstimatorDiagnostics::frames(Wrapper& status, const EstimatorFrames& frames) {
   status.summary(Level::OK, "known");
   if (!frames.gravity_known()) status.summary(Level::WARN, "gravity: " + frames.gravity_text());
   if (!frames.wrench_frame().known) status.mergeSummary(Level::WARN, "wrench: " + frames.wrench_text());
-  status.add("gravity [m/s^2]", in_a_row(frames.gravity(), "%.4f"));
+  status.add("gravity [m/s^2]", fixed_row(frames.gravity(), 4, " "));
   status.add("gravity from", frames.gravity_text());
   status.add("wrench frame", frames.wrench_text());
 }

@@ -5,9 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid {
 
@@ -33,12 +34,6 @@ const char* kind(const XmlRpcValue& value) {
   }
 }
 
-std::string text_of(double x) {
-  std::ostringstream out;
-  out << x;
-  return out.str();
-}
-
 bool is_number(const XmlRpcValue& value) {
   return value.getType() == XmlRpcValue::TypeInt || value.getType() == XmlRpcValue::TypeDouble;
 }
@@ -52,8 +47,8 @@ std::string complaint(double x, const Parameters::Range& range) {
   if (!std::isnan(x) && (range.open_at_lower ? x > range.lower : x >= range.lower) && x <= range.upper &&
       std::isfinite(x))
     return {};
-  return text_of(x) + " is not in " + (range.open_at_lower || std::isinf(range.lower) ? "(" : "[") +
-         text_of(range.lower) + ", " + text_of(range.upper) + (std::isinf(range.upper) ? ")" : "]");
+  return short_number(x) + " is not in " + (range.open_at_lower || std::isinf(range.lower) ? "(" : "[") +
+         short_number(range.lower) + ", " + short_number(range.upper) + (std::isinf(range.upper) ? ")" : "]");
 }
 
 }  // namespace
@@ -158,9 +153,7 @@ std::string Parameters::choice(const std::string& name, const std::string& usual
                                const std::vector<std::string>& choices) const {
   const std::string value = text(name, usual);
   if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
-  std::string list;
-  for (const std::string& one : choices) list += (list.empty() ? "" : ", ") + one;
-  refuse(name, "'" + value + "' is none of " + list);
+  refuse(name, "'" + value + "' is none of " + join(choices));
 }
 
 }  // namespace dynid

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace {
@@ -17,11 +17,7 @@ using Values = std::vector<double>;
 
 constexpr double rest = 0.05;  // [rad/s] that a controller takes in its stride
 
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", x);
-  return text;
-}
+std::string number(double x) { return short_number(x, 4); }
 std::string quoted(const std::string& name) { return "joint '" + name + "'"; }
 
 /// Column in the message of each joint of the robot.

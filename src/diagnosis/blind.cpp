@@ -12,6 +12,7 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
@@ -363,14 +364,9 @@ BlindScore score(const std::vector<BlindCase>& cases) {
     if (c.true_shrink > 0.2) ratios.push_back(std::max(0.0, c.shrink) / c.true_shrink);
     shrinks.push_back(c.shrink);
   }
-  const auto middle = [](std::vector<double> x) {
-    if (x.empty()) return 0.0;
-    std::nth_element(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2), x.end());
-    return x[x.size() / 2];
-  };
-  s.parameter_error = middle(errors);
-  s.shrink = middle(shrinks);
-  s.shrink_of_true = middle(ratios);
+  s.parameter_error = median(errors);
+  s.shrink = median(shrinks);
+  s.shrink_of_true = median(ratios);
   for (std::size_t b = 0; b < 10; ++b)
     if (judged > 0) s.calibration_error += std::abs(bin_right[b] - bin_sum[b]) / judged;
   return s;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/calibration.hpp"
 
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 
+#include "base/yaml.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/base/statistics.hpp"
 
 namespace dynid {
 
@@ -17,27 +17,9 @@ extern const char* const calibration_in_use;  // made by CMake from config/diagn
 
 namespace {
 
-constexpr double interval = 0.9;
+constexpr double interval = 0.9;  // of the cases that an interval is to hold, each of weight one
 constexpr std::size_t least_cases = 30, none = std::size_t(-1);
 constexpr double step_of_factor = 1.05, largest_factor = 6.0;
-
-/// A value that counts as `weight` of a case: those of one case are not independent.
-struct Weighted {
-  double value, weight;
-};
-
-/// What nine in ten of the cases are not above.
-double quantile(std::vector<Weighted> x) {
-  std::sort(x.begin(), x.end(), [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
-  double cases = 0.0, seen = 0.0;
-  for (const Weighted& w : x) cases += w.weight;
-  const double enough = interval * cases - 1e-9;
-  for (const Weighted& w : x) {
-    seen += w.weight;
-    if (seen >= enough) return w.value;
-  }
-  return x.back().value;
-}
 
 /// One parameter's error, and half its interval before any factor.
 struct Error90 {
@@ -56,11 +38,11 @@ double beyond(const Error90& e, const Calibration& c) {
 /// Form errors of each parameter from all cases but one (or of all, where it is none of them).
 std::map<std::string, double> form_errors(const std::vector<Error90>& errors, const Calibration& c,
                                           std::size_t but) {
-  std::map<std::string, std::vector<Weighted>> seen;
+  std::map<std::string, std::vector<WeightedSample>> seen;
   for (const Error90& e : errors)
     if (e.of_case != but) seen[e.parameter].push_back({beyond(e, c), e.weight});
   std::map<std::string, double> out;
-  for (const auto& [parameter, x] : seen) out[parameter] = quantile(x);
+  for (const auto& [parameter, x] : seen) out[parameter] = quantile(x, interval);
   return out;
 }
 
@@ -97,16 +79,20 @@ double probability(const Named& n, double temperature, double doubt, double doub
 
 const Calibration& calibration() {
   static const Calibration inside = [] {
-    const YAML::Node node = YAML::Load(detail::calibration_in_use);
+    const detail::YamlItem file =
+        detail::YamlItem::document(detail::calibration_in_use, "config/diagnosis_calibration.yaml",
+                                   "dynid-calibration-1", "a calibration");
+    file.expect_keys({"format", "temperature", "doubt", "doubt_of_rest", "interval_factor",
+                      "interval_factor_off", "form_error", "form_errors"});
     Calibration c;
-    c.temperature = node["temperature"].as<double>();
-    c.doubt = node["doubt"].as<double>();
-    c.doubt_of_rest = node["doubt_of_rest"].as<double>();
-    c.interval_factor = node["interval_factor"].as<double>();
-    c.interval_factor_off = node["interval_factor_off"].as<double>();
-    c.form_error = node["form_error"].as<double>();
-    for (const auto& entry : node["form_errors"])
-      c.form_errors[entry.first.as<std::string>()] = entry.second.as<double>();
+    c.temperature = file.at("temperature").positive_number();
+    c.doubt = file.at("doubt").number();
+    c.doubt_of_rest = file.at("doubt_of_rest").number();
+    c.interval_factor = file.at("interval_factor").positive_number();
+    c.interval_factor_off = file.at("interval_factor_off").positive_number();
+    c.form_error = file.at("form_error").number();
+    for (const auto& [parameter, error] : file.at("form_errors").entries())
+      c.form_errors[parameter] = error.number();
     return c;
   }();
   return inside;
@@ -177,9 +163,9 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
     }
   }
   best.form_errors = form_errors(errors, best, none);
-  std::vector<Weighted> all;
+  std::vector<WeightedSample> all;
   for (const Error90& e : errors) all.push_back({beyond(e, best), e.weight});
-  if (!all.empty()) best.form_error = quantile(all);
+  if (!all.empty()) best.form_error = quantile(all, interval);
   return best;
 }
 

@@ -4,9 +4,10 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/simulation/random_motion.hpp"
@@ -170,17 +171,6 @@ double distinguishability(const Robot& robot, const Effect& i, const Hypothesis&
   return 0.5 * left * rows_per_sample;
 }
 
-std::string words(std::string name) {
-  std::replace(name.begin(), name.end(), '_', ' ');
-  return name;
-}
-
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2g", x);
-  return text;
-}
-
 NextExperiment without_alias(const Diagnosis& d) {
   NextExperiment next;
   switch (d.verdict) {
@@ -259,29 +249,30 @@ NextExperiment next_experiment(const Robot& nominal, const Diagnosis& diagnosis)
   }
   const Eigen::VectorXd& d = separation[chosen];
   NextExperiment next;
-  std::string apart, together;
+  std::vector<std::string> apart, together;
   for (std::size_t p = 0; p < pairs.size(); ++p) {
-    const std::string pair = words(pairs[p].i->effect.name) + " from " + words(pairs[p].j->name());
+    const std::string pair =
+        with_spaces(pairs[p].i->effect.name) + " from " + with_spaces(pairs[p].j->name());
     const double here = d[static_cast<Eigen::Index>(p)];
     if (here >= told_apart) {
-      apart += (apart.empty() ? "" : ", ") + pair + " (D = " + number(here) + ")";
+      apart.push_back(pair + " (D = " + short_number(here, 2) + ")");
       next.separates.emplace_back(pairs[p].i->effect.name, pairs[p].j->name());
     } else {
-      together += (together.empty() ? "" : ", ") + pair;
+      together.push_back(pair);
     }
   }
   if (next.separates.empty()) {
     next.text =
-        "No motion of those tried tells " + together +
+        "No motion of those tried tells " + join(together) +
         ": what is needed is a known change of the robot itself, such as a known payload, or a sensor "
         "on the motor's side.";
     return next;
   }
   next.motion = candidates[chosen].motion;
   next.text = "Run " + std::string(candidates[chosen].what) + ": of " + std::to_string(candidates.size()) +
-              " motions tried it tells apart best what this log does not: " + apart +
+              " motions tried it tells apart best what this log does not: " + join(apart) +
               "; D of 4 is enough, a likelihood ratio of e^4.";
-  if (!together.empty()) next.text += " It does not tell " + together + ".";
+  if (!together.empty()) next.text += " It does not tell " + join(together) + ".";
   next.text += " Obstacles and self-collision were not looked at: check the motion before it runs.";
   return next;
 }

@@ -9,6 +9,8 @@
 #include <sstream>
 
 #include "base/plot.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid {
 namespace {
@@ -91,22 +93,7 @@ nav { font-size: .88rem; display: flex; flex-wrap: wrap; gap: .2rem 1rem; margin
 @media print { body { background: #fff; } section, .figure { break-inside: avoid; } nav { display: none; } }
 )";
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t')
-      out += c;
-  }
-  return out;
-}
+std::string escaped(const std::string& text) { return html_escaped(text); }
 
 /// Three significant digits.
 std::string number(double x, const char* format = "%.3g") {
@@ -138,30 +125,12 @@ std::string probability(double p) {
   return number(p, "%.2f");
 }
 
-std::string words(std::string name) {
-  std::replace(name.begin(), name.end(), '_', ' ');
-  return name;
-}
-
-std::string capital(std::string text) {
-  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
-  return text;
-}
-
-/// `a`, `a and b`, `a, b and c`.
-std::string listed(const std::vector<std::string>& parts) {
-  std::string out;
-  for (std::size_t k = 0; k < parts.size(); ++k)
-    out += (k == 0 ? "" : k + 1 == parts.size() ? " and " : ", ") + parts[k];
-  return out;
-}
-
 /// `joint 4`, `joints 2 and 4`; empty for all of them.
 std::string joints(const std::vector<int>& list, Eigen::Index of) {
   if (list.empty() || static_cast<Eigen::Index>(list.size()) == of) return "";
   std::vector<std::string> parts;
   for (const int j : list) parts.push_back(std::to_string(j));
-  return std::string(list.size() > 1 ? "joints " : "joint ") + listed(parts);
+  return std::string(list.size() > 1 ? "joints " : "joint ") + list_in_words(parts);
 }
 
 struct Tone {
@@ -261,11 +230,7 @@ JointShrink joint_shrink(const Diagnosis& d) {
 }
 
 /// A number for gnuplot, and a line of data.
-std::string plain(double x) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.5g", x);
-  return text;
-}
+std::string plain(double x) { return short_number(x, 5); }
 
 /// The head of every plot: terminal, axes in the page's colours.
 std::string plot_head(double height, const std::string& unit) {
@@ -408,7 +373,7 @@ class Page {
          << escaped(t.badge) << ": sim-to-real gap of " << escaped(context_.robot) << "</title><style>"
          << style
          << "</style></head><body><main>\n<header id=\"verdict\"><p class=\"kicker\">Sim-to-real gap of "
-         << escaped(context_.robot) << " \u00b7 " << escaped(listed(file_names()))
+         << escaped(context_.robot) << " \u00b7 " << escaped(list_in_words(file_names()))
          << "</p><span class=\"badge " << t.tone << "\">" << t.badge
          << (sentence.size() > 120 ? "</span><h1 class=\"long\">" : "</span><h1>") << escaped(sentence)
          << "</h1></header>\n";
@@ -452,7 +417,7 @@ class Page {
       figure(percent(d_.shrink.fraction),
              "of the gap goes away on data not used (" + percents(d_.shrink.low, d_.shrink.high) + ")");
       figure(probability(d_.effects.front().probability),
-             "probability of " + words(d_.effects.front().effect.name));
+             "probability of " + with_spaces(d_.effects.front().effect.name));
     }
     if (!worst_.empty()) {
       const Eigen::Index j = worst_.front();
@@ -478,15 +443,15 @@ class Page {
               "compare.</p>\n";
     for (const FoundEffect& e : d_.effects) {
       const std::string where = joints(e.effect.joints, n_);
-      out_ << "<div class=\"effect\"><h3>" << escaped(capital(words(e.effect.name)))
+      out_ << "<div class=\"effect\"><h3>" << escaped(capitalised(with_spaces(e.effect.name)))
            << (where.empty() ? ", whole arm" : ", " + where) << "</h3><p class=\"note\">Probability "
            << escaped(probability(e.probability)) << ", " << escaped(percent(e.share))
            << " of what is explained.";
       out_ << "</p>\n";
       if (!e.aliases.empty()) {
         std::vector<std::string> names;
-        for (const std::string& a : e.aliases) names.push_back("<b>" + escaped(words(a)) + "</b>");
-        out_ << "<p class=\"alias\">These logs cannot tell it from " << listed(names)
+        for (const std::string& a : e.aliases) names.push_back("<b>" + escaped(with_spaces(a)) + "</b>");
+        out_ << "<p class=\"alias\">These logs cannot tell it from " << list_in_words(names)
              << ": see <a href=\"#next\">the next experiment</a>.</p>\n";
       }
       parameters(e);
@@ -512,7 +477,7 @@ class Page {
     std::string unit = p.unit == "1" ? "" : " [" + p.unit + "]";
     if (const std::size_t square = unit.find("^2"); square != std::string::npos)
       unit.replace(square, 2, "\u00b2");
-    return escaped(words(p.key) + unit);
+    return escaped(with_spaces(p.key) + unit);
   }
 
   static std::string estimate(const Estimate& p, Eigen::Index k) {
@@ -739,17 +704,17 @@ class Page {
     std::vector<std::string> rest;
     for (const auto& [name, p] : d_.ranking) {
       if (p < 0.001) {
-        rest.push_back(words(name));
+        rest.push_back(with_spaces(name));
         continue;
       }
       const bool adopted =
           std::any_of(d_.effects.begin(), d_.effects.end(),
                       [&name = name](const FoundEffect& e) { return e.effect.name == name; });
-      out_ << "<div class=\"bar" << (adopted ? "" : " rest") << "\"><span>" << escaped(words(name))
+      out_ << "<div class=\"bar" << (adopted ? "" : " rest") << "\"><span>" << escaped(with_spaces(name))
            << "</span><i><u style=\"--w:" << plain(100.0 * p) << "%\"></u></i><span>"
            << escaped(probability(p)) << "</span></div>\n";
     }
-    if (!rest.empty()) out_ << "<p class=\"note\">Below 0.001: " << escaped(listed(rest)) << ".</p>\n";
+    if (!rest.empty()) out_ << "<p class=\"note\">Below 0.001: " << escaped(list_in_words(rest)) << ".</p>\n";
     out_ << "</section>\n";
   }
 
@@ -772,7 +737,7 @@ class Page {
       out_ << "<ul class=\"plain\">\n";
       for (const DataIssue& issue : report.issues) {
         const std::string where = joints(issue.joints, n_);
-        out_ << "<li><b>" << escaped(capital(words(issue.name))) << "</b>"
+        out_ << "<li><b>" << escaped(capitalised(with_spaces(issue.name))) << "</b>"
              << (where.empty() ? "" : " (" + where + ")") << ": " << escaped(issue.text) << "</li>\n";
       }
       out_ << "</ul>\n";
@@ -786,7 +751,7 @@ class Page {
     if (!d_.next.separates.empty()) {
       out_ << "<ul>\n";
       for (const auto& [a, b] : d_.next.separates)
-        out_ << "<li>tells " << escaped(words(a)) << " from " << escaped(words(b)) << "</li>\n";
+        out_ << "<li>tells " << escaped(with_spaces(a)) << " from " << escaped(with_spaces(b)) << "</li>\n";
       out_ << "</ul>\n";
     }
     out_ << "</section>\n";
@@ -816,7 +781,7 @@ std::string verdict_sentence(const Diagnosis& d) {
   std::vector<std::string> causes;
   for (const FoundEffect& e : d.effects) {
     const std::string where = joints(e.effect.joints, d.rms.size());
-    std::string cause = words(e.effect.name);
+    std::string cause = with_spaces(e.effect.name);
     const auto mass = std::find_if(e.parameters.begin(), e.parameters.end(),
                                    [](const Estimate& p) { return p.key == "mass"; });
     if (e.effect.name == "payload" && mass != e.parameters.end())
@@ -825,8 +790,8 @@ std::string verdict_sentence(const Diagnosis& d) {
       cause += " on " + where;
     if (!e.aliases.empty()) {
       std::vector<std::string> others;
-      for (const std::string& a : e.aliases) others.push_back(words(a));
-      cause += " (or " + listed(others) + ", which these logs cannot tell from it)";
+      for (const std::string& a : e.aliases) others.push_back(with_spaces(a));
+      cause += " (or " + list_in_words(others) + ", which these logs cannot tell from it)";
     }
     causes.push_back(cause);
   }
@@ -838,11 +803,12 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::not_detected:
       return "No cause can be named: model and robot differ by no more than an inexact model may.";
     case Verdict::explained:
-      return capital(listed(causes)) + (several ? " explain" : " explains") + " the gap: with " +
+      return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") + " the gap: with " +
              (several ? "them" : "it") + " in the model, " + shrink +
              " of it goes away on data that took no part.";
     case Verdict::partly_explained:
-      return capital(listed(causes)) + (several ? " explain" : " explains") + " part of the gap: " + shrink +
+      return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") +
+             " part of the gap: " + shrink +
              " of it goes away on data that took no part; the rest is none of the known effects.";
     case Verdict::unexplained:
       return "There is a gap, and none of the known effects explains it.";

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/statistics.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/dynamics/forward_dynamics.hpp"
 #include "dynid/friction/friction.hpp"
@@ -54,17 +55,6 @@ class Replay {
   std::vector<JointFriction> friction_;
   Eigen::VectorXd rotor_, armature_, drive_, a_;
 };
-
-/// Of every column.
-Eigen::VectorXd medians(Eigen::MatrixXd x) {
-  Eigen::VectorXd out(x.cols());
-  for (Eigen::Index j = 0; j < x.cols(); ++j) {
-    double* const begin = x.col(j).data();
-    std::nth_element(begin, begin + x.rows() / 2, begin + x.rows());
-    out[j] = begin[x.rows() / 2];
-  }
-  return out;
-}
 
 struct Start {
   std::size_t motion;
@@ -166,8 +156,8 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
     }
   }
   if (!error[0].allFinite() || !error[1].allFinite()) return {};
-  out.before = medians(error[0]);
-  out.after = medians(error[1]);
+  out.before = column_medians(error[0]);
+  out.after = column_medians(error[1]);
   const auto size = static_cast<Eigen::Index>(t.size());
   out.t = Eigen::Map<Eigen::VectorXd>(t.data(), size);
   out.start = Eigen::Map<Eigen::VectorXi>(start.data(), size);

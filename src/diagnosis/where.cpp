@@ -4,15 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/statistics.hpp"
+
 namespace dynid::detail {
-namespace {
-
-double median(Eigen::VectorXd x) {
-  std::nth_element(x.data(), x.data() + x.size() / 2, x.data() + x.size());
-  return x[x.size() / 2];
-}
-
-}  // namespace
 
 std::vector<Regime> regimes(const GapRows& rows) {
   const Eigen::Index n = rows.joints();

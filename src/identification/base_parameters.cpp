@@ -4,10 +4,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <random>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/dynamics/model.hpp"
 #include "dynid/dynamics/regressor.hpp"
 #include "dynid/dynamics/workspace.hpp"
@@ -56,11 +56,7 @@ std::string in_words(const Eigen::RowVectorXd& row, int joints) {
   for (const Term& term : terms) {
     const double factor = row[term.index];
     text += text.empty() ? (factor < 0.0 ? "-" : "") : (factor < 0.0 ? " - " : " + ");
-    if (std::abs(std::abs(factor) - 1.0) > 1e-9) {
-      char number[32];
-      std::snprintf(number, sizeof number, "%.6g ", std::abs(factor));
-      text += number;
-    }
+    if (std::abs(std::abs(factor) - 1.0) > 1e-9) text += short_number(std::abs(factor)) + " ";
     text += parameter_name(term.index, joints);
   }
   return text;

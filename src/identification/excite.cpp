@@ -14,9 +14,9 @@
 #include <mutex>
 #include <numeric>
 #include <random>
-#include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/dynamics/regressor.hpp"
@@ -62,12 +62,6 @@ std::string in_words(const Robot& robot, int j) {
   return "joint " + std::to_string(j + 1) + " ('" + robot.joints[static_cast<std::size_t>(j)].name + "')";
 }
 
-std::string number(double x) {
-  std::ostringstream text;
-  text << x;
-  return text.str();
-}
-
 bool bounded(const JointLimits& limits) { return std::isfinite(limits.lower) && std::isfinite(limits.upper); }
 double half_range(const JointLimits& limits) {
   return bounded(limits) ? 0.5 * (limits.upper - limits.lower) : M_PI;
@@ -98,8 +92,8 @@ void check_options(const Robot& robot, const ExciteOptions& options) {
     shape.omega = 2.0 * M_PI / options.base_period;
     // Two harmonics of a joint that rests at both ends of a broken number of periods cannot move at all.
     if (rest_projection(shape).trace() < 0.5)
-      refuse(std::to_string(options.harmonics) + " harmonics of period " + number(options.base_period) +
-             " s cannot start and end at rest within " + number(options.duration) +
+      refuse(std::to_string(options.harmonics) + " harmonics of period " + short_number(options.base_period) +
+             " s cannot start and end at rest within " + short_number(options.duration) +
              " s: more harmonics, or a " + "duration of whole periods, are needed");
   } else if (options.kind == MotionKind::fourier && options.harmonics < 2) {
     refuse("a series that starts and ends at rest has at least two harmonics");
@@ -311,15 +305,15 @@ void check_limits(const Robot& robot, const CollisionModel& collision, const Exc
     if (joint.type != JointType::continuous && !bounded(limits))
       refuse(j, "has no lower or no upper position limit: an exciting motion needs both");
     if (limits.lower > limits.upper)
-      refuse(j, "the lower position limit " + number(limits.lower) + " is above the upper one " +
-                    number(limits.upper));
+      refuse(j, "the lower position limit " + short_number(limits.lower) + " is above the upper one " +
+                    short_number(limits.upper));
     if (!std::isfinite(limits.velocity)) refuse(j, "has no velocity limit: an exciting motion needs one");
     const std::pair<const char*, double> each[] = {{"velocity", limits.velocity},
                                                    {"acceleration", limits.acceleration},
                                                    {"jerk", limits.jerk},
                                                    {"torque", limits.torque}};
     for (const auto& [name, limit] : each)
-      if (!(limit > 0.0)) refuse(j, std::string(name) + " limit " + number(limit) + " is not positive");
+      if (!(limit > 0.0)) refuse(j, std::string(name) + " limit " + short_number(limit) + " is not positive");
     // From rest to rest, at best: half the time each way, a quarter for each phase of constant jerk.
     const double D = options.duration;
     const std::pair<const char*, double> reach[] = {
@@ -329,8 +323,8 @@ void check_limits(const Robot& robot, const CollisionModel& collision, const Exc
         {"the jerk limit", limits.jerk * D * D * D / 32.0}};
     for (const auto& [name, movement] : reach)
       if (movement < least_movement)
-        refuse(j, std::string(name) + " lets it move by at most " + number(movement) + " in " + number(D) +
-                      " s: nothing could be identified");
+        refuse(j, std::string(name) + " lets it move by at most " + short_number(movement) + " in " +
+                      short_number(D) + " s: nothing could be identified");
   }
 
   Clearances clearances(robot, collision);
@@ -360,15 +354,15 @@ void check_limits(const Robot& robot, const CollisionModel& collision, const Exc
     const Clearances::Pair& pair = clearances.pairs()[k];
     if (widest[k] < collision.clearance)
       throw Error(collision.source + ": " + pair.name_a + " and " + pair.name_b + " are at most " +
-                  number(widest[k]) +
+                  short_number(widest[k]) +
                   " m apart in every pose drawn within the position limits, less than the clearance " +
-                  number(collision.clearance) + " m (see ignore)");
+                  short_number(collision.clearance) + " m (see ignore)");
   }
   for (int j = 0; j < n; ++j)
     if (least_torque[j] > limits_of(robot, j).torque)
-      refuse(j, "the torque limit " + number(limits_of(robot, j).torque) +
+      refuse(j, "the torque limit " + short_number(limits_of(robot, j).torque) +
                     " holds none of the poses drawn within the position limits (at least " +
-                    number(least_torque[j]) + " is needed)");
+                    short_number(least_torque[j]) + " is needed)");
 }
 
 Excitation excite(const Robot& robot, const CollisionModel& collision, const ExciteOptions& options) {

@@ -4,11 +4,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <limits>
-#include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid {
 
@@ -33,18 +33,12 @@ void check_excitation(const TriangularFactor& factor, const std::vector<std::str
     svd.matrixV().col(k).cwiseAbs().maxCoeff(&largest);
     involved[static_cast<std::size_t>(largest)] = true;
   }
-  std::ostringstream text;
-  text << "the motion does not excite";
-  const char* separator = " ";
-  for (Eigen::Index i = 0; i < p; ++i) {
-    if (!involved[static_cast<std::size_t>(i)]) continue;
-    text << separator << names[static_cast<std::size_t>(i)];
-    separator = ", ";
-  }
-  text << " (condition number " << std::setprecision(3)
-       << (s[p - 1] > 0.0 ? s[0] / s[p - 1] : std::numeric_limits<double>::infinity()) << ", at most "
-       << limit << " can be solved)";
-  throw Error(text.str());
+  std::vector<std::string> weak;
+  for (Eigen::Index i = 0; i < p; ++i)
+    if (involved[static_cast<std::size_t>(i)]) weak.push_back(names[static_cast<std::size_t>(i)]);
+  const double condition = s[p - 1] > 0.0 ? s[0] / s[p - 1] : std::numeric_limits<double>::infinity();
+  throw Error("the motion does not excite " + join(weak) + " (condition number " +
+              short_number(condition, 3) + ", at most " + short_number(limit, 3) + " can be solved)");
 }
 
 Eigen::VectorXd solve(const TriangularFactor& factor) {

@@ -6,24 +6,27 @@
 #include <cmath>
 #include <set>
 
+#include "conversions.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "not_expressed.hpp"
-#include "text.hpp"
-#include "xml_index.hpp"
 
 namespace dynid {
 namespace {
 
 using detail::list_effects_not_expressed;
-using detail::number;
 
 constexpr double unlimited = 1e16;  // what simulators write, and take, for a limit that there is not
+
+/// What is written is read again as the same double.
+std::string number(double x) { return exact_number(x); }
 
 std::string triple(const Eigen::Vector3d& v) {
   return number(v[0] + 0.0) + " " + number(v[1] + 0.0) + " " + number(v[2] + 0.0);  // -0 becomes 0
 }
 
 std::string attribute(const char* key, const std::string& value) {
-  return std::string(" ") + key + "=\"" + detail::xml_escaped(value) + "\"";
+  return std::string(" ") + key + "=\"" + xml_escaped(value) + "\"";
 }
 
 bool bounded(const JointLimits& limits) { return std::isfinite(limits.lower) || std::isfinite(limits.upper); }
@@ -180,7 +183,7 @@ std::string mjcf_motor(const Joint& joint) {
 // ------------------------------------------------------------------------------------------------------- SDF
 
 std::string element(const char* tag, const std::string& value) {
-  return std::string("<") + tag + ">" + detail::xml_escaped(value) + "</" + tag + ">";
+  return std::string("<") + tag + ">" + xml_escaped(value) + "</" + tag + ">";
 }
 
 std::string sdf_pose(const Eigen::Isometry3d& pose, const std::string& relative_to) {
@@ -237,10 +240,11 @@ std::string yaml_number(double value) {
 
 // ---------------------------------------------------------------------------------------------------- header
 
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 32 || c == '\\') c = ' ';
-  return text;
+/// One line of comment: a backslash at its end would make the next line part of it.
+std::string comment(const std::string& text) {
+  std::string line = one_line(text);
+  std::replace(line.begin(), line.end(), '\\', ' ');
+  return line;
 }
 
 /// A name that C++ takes for a namespace: every other sign becomes an underscore.
@@ -404,7 +408,7 @@ ExportText to_header(const Robot& given) {
     out.text += "};\n";
   };
   out.text =
-      "// Robot '" + one_line(robot.name) +
+      "// Robot '" + comment(robot.name) +
       "', written by dynid export: no include but the standard library's.\n"
       "// With dynid::core: const dynid::Model<" +
       std::to_string(n) + "> model(" + identifier(robot.name) +

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "text.hpp"
+#include "conversions.hpp"
 
 namespace dynid {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "text.hpp"
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace {
@@ -28,8 +28,8 @@ void check_pose(const Eigen::Isometry3d& pose, const std::string& what) {
 void check_limits(const JointLimits& limits, const std::string& joint) {
   if (std::isnan(limits.lower) || std::isnan(limits.upper)) throw Error(joint + ": a position limit is NaN");
   if (limits.lower > limits.upper) {
-    throw Error(joint + ": lower limit " + detail::number(limits.lower) + " is above upper limit " +
-                detail::number(limits.upper));
+    throw Error(joint + ": lower limit " + exact_number(limits.lower) + " is above upper limit " +
+                exact_number(limits.upper));
   }
   const std::pair<const char*, double> bounds[] = {{"velocity", limits.velocity},
                                                    {"acceleration", limits.acceleration},
@@ -38,7 +38,7 @@ void check_limits(const JointLimits& limits, const std::string& joint) {
                                                    {"torque_rate", limits.torque_rate}};
   for (const auto& [name, value] : bounds) {
     if (!(value > 0.0))
-      throw Error(joint + ": " + name + " limit " + detail::number(value) + " is not positive");
+      throw Error(joint + ": " + name + " limit " + exact_number(value) + " is not positive");
   }
 }
 
@@ -147,7 +147,7 @@ std::vector<Inconsistency> inconsistencies(const Robot& robot, double tolerance)
 
 std::string describe(const Inconsistency& broken) {
   return "link '" + broken.link + "' (joint " + std::to_string(broken.joint) + ") breaks " + broken.rule +
-         ": margin " + detail::number(broken.margin);
+         ": margin " + exact_number(broken.margin);
 }
 
 void validate(const Robot& robot) {

@@ -6,24 +6,27 @@
 #include <limits>
 #include <set>
 
+#include "conversions.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "not_expressed.hpp"
-#include "text.hpp"
 #include "urdf_chain.hpp"
 
 namespace dynid {
 namespace {
 
-using detail::number;
 using detail::UrdfChain;
 using detail::UrdfJoint;
-using detail::xml_escaped;
 using detail::XmlElement;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double unlimited = 1e16;  // what simulators write, and take, for a limit that there is not
 
 const Eigen::Vector3d urdf_gravity(0, 0, -9.81);
+
+/// What is written is read again as the same double.
+std::string number(double x) { return exact_number(x); }
 
 // ------------------------------------------------------------------------------------------------- reading
 

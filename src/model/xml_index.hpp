@@ -28,7 +28,4 @@ struct XmlElement {
 /// the text is not well-formed.
 std::vector<XmlElement> index_xml(const std::string& text, const std::string& name);
 
-/// `text` fit for the inside of a quoted attribute.
-std::string xml_escaped(const std::string& text);
-
 }  // namespace dynid::detail

@@ -4,19 +4,21 @@
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
-#include <initializer_list>
+#include <limits>
 #include <optional>
 #include <set>
 #include <utility>
 
+#include "base/yaml.hpp"
+#include "conversions.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/effect/complete.hpp"
-#include "text.hpp"
 
 namespace dynid {
 namespace {
 
-using detail::number;
+using detail::YamlItem;
 
 constexpr const char* format_name = "dynid-model-1";
 
@@ -33,131 +35,7 @@ constexpr const char* header =
 # natural_frequency sqrt(kp / J), damping_ratio, coulomb_position Fc / kp.
 )";
 
-/// A node and where it stands, for errors.
-class Item {
- public:
-  Item(const YAML::Node& node, std::string path, const std::string& file)
-      : node_(node), path_(std::move(path)), file_(&file), mark_(node_.Mark()) {}
-
-  [[noreturn]] void fail(const std::string& what) const {
-    const std::string line = mark_.is_null() ? "" : ":" + std::to_string(mark_.line + 1);
-    throw Error(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what);
-  }
-
-  /// Refuses what is not a map, a key twice, and every key outside `known`.
-  void expect_keys(std::initializer_list<const char*> known) const {
-    if (!node_.IsMap()) fail(std::string("expected a map, found ") + kind());
-    std::set<std::string> seen;
-    for (const auto& entry : node_) {
-      const Item key(entry.first, path_, *file_);
-      if (!entry.first.IsScalar()) key.fail("a key is not a word");
-      const std::string& name = entry.first.Scalar();
-      bool found = false;
-      for (const char* k : known) found = found || name == k;
-      if (!found) key.fail("unknown key '" + name + "'");
-      if (!seen.insert(name).second) key.fail("key '" + name + "' appears twice");
-    }
-  }
-
-  bool has(const char* key) const { return static_cast<bool>(node_[key]); }
-
-  Item at(const char* key) const {
-    const YAML::Node child = node_[key];
-    const std::string child_path = path_.empty() ? key : path_ + "." + key;
-    if (!child) Item(node_, child_path, *file_).fail("missing");
-    Item item(child, child_path, *file_);
-    if (child.IsNull()) item.mark_ = mark_of_key(key);  // nothing stands wherever the next thing does
-    return item;
-  }
-
-  std::vector<Item> list() const {
-    if (!node_.IsSequence()) fail(std::string("expected a list, found ") + kind());
-    std::vector<Item> items;
-    for (std::size_t k = 0; k < node_.size(); ++k) {
-      items.emplace_back(node_[k], path_ + "[" + std::to_string(k + 1) + "]", *file_);
-    }
-    return items;
-  }
-
-  /// Of a map, in the order of the file.
-  std::vector<std::pair<std::string, Item>> entries() const {
-    if (!node_.IsMap()) fail(std::string("expected a map, found ") + kind());
-    std::vector<std::pair<std::string, Item>> items;
-    std::set<std::string> seen;
-    for (const auto& entry : node_) {
-      const std::string key = Item(entry.first, path_, *file_).name();
-      if (!seen.insert(key).second) fail("key '" + key + "' appears twice");
-      items.emplace_back(key, Item(entry.second, path_ + "." + key, *file_));
-    }
-    return items;
-  }
-
-  double number() const {
-    double value = 0.0;
-    if (!node_.IsScalar()) fail(std::string("expected a number, found ") + kind());
-    if (!detail::parse_number(node_.Scalar(), value)) {
-      fail("expected a finite number, found '" + node_.Scalar() + "'");
-    }
-    return value;
-  }
-
-  template <int N>
-  Eigen::Matrix<double, N, 1> vector() const {
-    if (!node_.IsSequence()) fail("expected " + std::to_string(N) + " numbers, found " + kind());
-    if (node_.size() != N) {
-      fail("expected " + std::to_string(N) + " numbers, found " + std::to_string(node_.size()));
-    }
-    Eigen::Matrix<double, N, 1> v;
-    const std::vector<Item> items = list();
-    for (int k = 0; k < N; ++k) v[k] = items[static_cast<std::size_t>(k)].number();
-    return v;
-  }
-
-  std::string text() const {
-    if (!node_.IsScalar()) fail(std::string("expected a text, found ") + kind());
-    return node_.Scalar();
-  }
-
-  std::string name() const {
-    std::string value = text();
-    if (value.empty()) fail("expected a name, found an empty text");
-    return value;
-  }
-
-  bool boolean() const {
-    const std::string value = text();
-    if (value != "true" && value != "false") fail("expected true or false, found '" + value + "'");
-    return value == "true";
-  }
-
- private:
-  YAML::Mark mark_of_key(const char* key) const {
-    for (const auto& entry : node_) {
-      if (entry.first.Scalar() == key) return entry.first.Mark();
-    }
-    return mark_;
-  }
-
-  const char* kind() const {
-    switch (node_.Type()) {
-      case YAML::NodeType::Map:
-        return "a map";
-      case YAML::NodeType::Sequence:
-        return "a list";
-      case YAML::NodeType::Scalar:
-        return "a single value";
-      default:
-        return "nothing";
-    }
-  }
-
-  YAML::Node node_;
-  std::string path_;
-  const std::string* file_;
-  YAML::Mark mark_;
-};
-
-Eigen::Isometry3d read_pose(const Item& item) {
+Eigen::Isometry3d read_pose(const YamlItem& item) {
   item.expect_keys({"xyz", "rpy", "quaternion"});
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   if (item.has("xyz")) pose.translation() = item.at("xyz").vector<3>();
@@ -171,7 +49,7 @@ Eigen::Isometry3d read_pose(const Item& item) {
   return pose;
 }
 
-Eigen::Matrix3d read_tensor(const Item& item) {
+Eigen::Matrix3d read_tensor(const YamlItem& item) {
   item.expect_keys({"xx", "xy", "xz", "yy", "yz", "zz"});
   Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
   J(0, 0) = item.at("xx").number();
@@ -183,7 +61,7 @@ Eigen::Matrix3d read_tensor(const Item& item) {
   return J.selfadjointView<Eigen::Upper>();
 }
 
-StandardParameters read_inertia(const Item& item) {
+StandardParameters read_inertia(const YamlItem& item) {
   StandardParameters p = StandardParameters::Zero();
   const bool central = item.has("com") || item.has("inertia");
   const bool about_origin = item.has("first_moment") || item.has("inertia_about_origin");
@@ -204,15 +82,14 @@ StandardParameters read_inertia(const Item& item) {
   return p;
 }
 
-JointLimits read_limits(const Item& item) {
+JointLimits read_limits(const YamlItem& item) {
   item.expect_keys({"lower", "upper", "velocity", "acceleration", "jerk", "torque", "torque_rate"});
   JointLimits limits;
   const auto read = [&](const char* key, double& value) {
     if (item.has(key)) value = item.at(key).number();
   };
   const auto read_positive = [&](const char* key, double& value) {
-    read(key, value);
-    if (!(value > 0.0)) item.at(key).fail("expected a positive number, found " + number(value));
+    if (item.has(key)) value = item.at(key).positive_number();
   };
   read("lower", limits.lower);
   read("upper", limits.upper);
@@ -225,7 +102,7 @@ JointLimits read_limits(const Item& item) {
   return limits;
 }
 
-JointFriction read_friction(const Item& item) {
+JointFriction read_friction(const YamlItem& item) {
   item.expect_keys({"viscous", "coulomb", "offset", "velocity_scale", "phi1", "phi2", "phi3"});
   JointFriction friction;
   const auto read = [&](const char* key, double& value) {
@@ -247,7 +124,7 @@ constexpr std::pair<JointType, const char*> joint_types[] = {{JointType::revolut
                                                              {JointType::continuous, "continuous"},
                                                              {JointType::prismatic, "prismatic"}};
 
-JointType read_type(const Item& item) {
+JointType read_type(const YamlItem& item) {
   const std::string name = item.text();
   for (const auto& [type, word] : joint_types) {
     if (name == word) return type;
@@ -273,7 +150,7 @@ constexpr ServoKey servo_keys[] = {{"kp", &Servo::kp},
                                    {"error_limit", &Servo::error_limit},
                                    {"command_time_constant", &Servo::command_time_constant}};
 
-Servo read_servo(const Item& item) {
+Servo read_servo(const YamlItem& item) {
   item.expect_keys({"kp", "kd", "natural_frequency", "damping_ratio", "coulomb_position", "delay", "bias",
                     "stribeck_position", "stribeck_velocity", "load_friction", "torque_limit", "error_limit",
                     "command_time_constant"});
@@ -284,7 +161,7 @@ Servo read_servo(const Item& item) {
   return servo;
 }
 
-Joint read_joint(const Item& item) {
+Joint read_joint(const YamlItem& item) {
   item.expect_keys({"name", "link", "type", "dh", "origin", "axis", "limits", "mass", "com", "inertia",
                     "first_moment", "inertia_about_origin", "friction", "rotor_inertia", "servo"});
   Joint joint;
@@ -293,7 +170,7 @@ Joint read_joint(const Item& item) {
   joint.type = read_type(item.at("type"));
   if (item.has("dh")) {
     if (item.has("origin") || item.has("axis")) item.fail("takes dh, or origin and axis, not both");
-    const Item row = item.at("dh");
+    const YamlItem row = item.at("dh");
     row.expect_keys({"a", "alpha", "d", "theta"});
     joint.dh = ModifiedDh{row.at("a").number(), row.at("alpha").number(), row.at("d").number(),
                           row.has("theta") ? row.at("theta").number() : 0.0};
@@ -315,7 +192,7 @@ Joint read_joint(const Item& item) {
   return joint;
 }
 
-Coefficient read_coefficient(const Item& item) {
+Coefficient read_coefficient(const YamlItem& item) {
   item.expect_keys({"name", "expression", "value", "std_percent", "kept"});
   Coefficient coefficient;
   coefficient.name = item.at("name").name();
@@ -328,23 +205,23 @@ Coefficient read_coefficient(const Item& item) {
 }
 
 /// The robot's joints are those of the file, read before.
-Effect read_effect(const Item& item, const Robot& robot) {
+Effect read_effect(const YamlItem& item, const Robot& robot) {
   const int joints = robot.size();
   item.expect_keys({"name", "joints", "parameters"});
   Effect effect;
   effect.name = item.at("name").name();
-  for (const Item& entry : item.at("joints").list()) {
+  for (const YamlItem& entry : item.at("joints").list()) {
     const double j = entry.number();
     const double least = effect.joints.empty() ? 1 : effect.joints.back() + 1;
     if (!(j >= least && j <= joints) || j != std::floor(j)) {
       entry.fail("expected the increasing numbers of joints, 1 to " + std::to_string(joints) + ", found " +
-                 number(j));
+                 exact_number(j));
     }
     effect.joints.push_back(static_cast<int>(j));
   }
   for (const auto& [key, value] : item.at("parameters").entries()) {
     std::vector<double>& numbers = effect.parameters[key];
-    for (const Item& entry : value.list()) numbers.push_back(entry.number());
+    for (const YamlItem& entry : value.list()) numbers.push_back(entry.number());
   }
   try {
     return checked_effect(effect, robot);
@@ -353,7 +230,7 @@ Effect read_effect(const Item& item, const Robot& robot) {
   }
 }
 
-ModelFile read_document(const Item& item) {
+ModelFile read_document(const YamlItem& item) {
   item.expect_keys({"format", "name", "base_link", "tip_link", "tip", "gravity", "note",
                     "physically_consistent", "inconsistencies", "joints", "effects", "coefficients"});
   ModelFile model;
@@ -366,10 +243,10 @@ ModelFile read_document(const Item& item) {
   if (item.has("note")) model.note = item.at("note").text();
   if (item.has("physically_consistent")) item.at("physically_consistent").boolean();
   if (item.has("inconsistencies")) {
-    for (const Item& rule : item.at("inconsistencies").list()) rule.text();
+    for (const YamlItem& rule : item.at("inconsistencies").list()) rule.text();
   }
   std::set<std::string> names;
-  for (const Item& joint : item.at("joints").list()) {
+  for (const YamlItem& joint : item.at("joints").list()) {
     robot.joints.push_back(read_joint(joint));
     if (!names.insert(robot.joints.back().name).second) {
       joint.at("name").fail("another joint is called '" + robot.joints.back().name + "'");
@@ -377,12 +254,12 @@ ModelFile read_document(const Item& item) {
   }
   if (robot.joints.empty()) item.at("joints").fail("has no joint");
   if (item.has("effects")) {
-    for (const Item& entry : item.at("effects").list()) {
+    for (const YamlItem& entry : item.at("effects").list()) {
       robot.effects.push_back(read_effect(entry, robot));
     }
   }
   if (item.has("coefficients")) {
-    for (const Item& entry : item.at("coefficients").list()) {
+    for (const YamlItem& entry : item.at("coefficients").list()) {
       model.coefficients.push_back(read_coefficient(entry));
     }
   }
@@ -394,12 +271,12 @@ ModelFile read_document(const Item& item) {
 template <class Vector>
 void put(YAML::Emitter& out, const Vector& v) {
   out << YAML::Flow << YAML::BeginSeq;
-  for (Eigen::Index k = 0; k < v.size(); ++k) out << number(v[k]);
+  for (Eigen::Index k = 0; k < v.size(); ++k) out << exact_number(v[k]);
   out << YAML::EndSeq;
 }
 
 void put(YAML::Emitter& out, const char* key, double value) {
-  out << YAML::Key << key << YAML::Value << number(value);
+  out << YAML::Key << key << YAML::Value << exact_number(value);
 }
 
 void put_tensor(YAML::Emitter& out, const Eigen::Matrix3d& J) {
@@ -558,33 +435,14 @@ void check_names(const Robot& robot) {
 }  // namespace
 
 ModelFile parse_model(const std::string& text, const std::string& name) {
-  std::vector<YAML::Node> documents;
+  const YamlItem root = YamlItem::document(text, name, format_name, "a model");
+  ModelFile model = read_document(root);
   try {
-    documents = YAML::LoadAll(text);
-  } catch (const YAML::ParserException& error) {
-    throw Error(name + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+    validate(model.robot);
+  } catch (const Error& error) {
+    throw Error(name + ": " + error.what());
   }
-  if (documents.empty() || documents[0].IsNull()) {
-    throw Error(name + ": is empty, expected a model (format: " + format_name + ")");
-  }
-  const Item root(documents[0], "", name);
-  if (documents.size() > 1) root.fail("holds more than one document");
-  if (!documents[0].IsMap()) root.fail(std::string("expected a model (format: ") + format_name + ")");
-  const Item format = root.at("format");
-  if (format.text() != format_name) {
-    format.fail(std::string("expected ") + format_name + ", found '" + format.text() + "'");
-  }
-  try {
-    ModelFile model = read_document(root);
-    try {
-      validate(model.robot);
-    } catch (const Error& error) {
-      throw Error(name + ": " + error.what());
-    }
-    return model;
-  } catch (const YAML::Exception& error) {
-    throw Error(name + ": " + error.msg);
-  }
+  return model;
 }
 
 ModelFile read_model(const std::string& path) { return parse_model(read_file(path), path); }

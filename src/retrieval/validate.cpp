@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cmath>
-#include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/retrieval/retrieval.hpp"
 
 namespace dynid {
-
-namespace {
-
-std::string text(double value) {
-  std::ostringstream out;
-  out << value;
-  return out.str();
-}
-
-}  // namespace
 
 void validate(const Bounds& bounds) {
   const std::string where = (bounds.source.empty() ? "bounds" : bounds.source) + ": ";
@@ -29,22 +19,24 @@ void validate(const Bounds& bounds) {
     const std::string name = variable_name(i);
     if (!std::isfinite(low[i]) || !std::isfinite(high[i])) fail("the bounds of " + name + " are not finite");
     if (low[i] > high[i])
-      fail("the bounds of " + name + " cross: lower " + text(low[i]) + " > upper " + text(high[i]));
+      fail("the bounds of " + name + " cross: lower " + short_number(low[i]) + " > upper " +
+           short_number(high[i]));
     if (i % 10 != 0) continue;
-    if (low[i] < 0.0) fail("the lower bound of " + name + " is negative: " + text(low[i]) + " kg, eq. (11)");
+    if (low[i] < 0.0)
+      fail("the lower bound of " + name + " is negative: " + short_number(low[i]) + " kg, eq. (11)");
     if (!(high[i] > 0.0)) fail("the upper bound of " + name + " leaves no mass, eq. (11)");
     low_sum += low[i];
     high_sum += high[i];
   }
   if (!(bounds.total_mass_lower <= bounds.total_mass_upper))
-    fail("the bounds of the total mass cross: lower " + text(bounds.total_mass_lower) + " > upper " +
-         text(bounds.total_mass_upper) + " kg");
+    fail("the bounds of the total mass cross: lower " + short_number(bounds.total_mass_lower) + " > upper " +
+         short_number(bounds.total_mass_upper) + " kg");
   if (low_sum > bounds.total_mass_upper)
-    fail("the smallest masses add up to " + text(low_sum) + " kg, above the largest total mass, " +
-         text(bounds.total_mass_upper) + " kg, eq. (30)");
+    fail("the smallest masses add up to " + short_number(low_sum) + " kg, above the largest total mass, " +
+         short_number(bounds.total_mass_upper) + " kg, eq. (30)");
   if (high_sum < bounds.total_mass_lower)
-    fail("the largest masses add up to " + text(high_sum) + " kg, below the smallest total mass, " +
-         text(bounds.total_mass_lower) + " kg, eq. (30)");
+    fail("the largest masses add up to " + short_number(high_sum) + " kg, below the smallest total mass, " +
+         short_number(bounds.total_mass_lower) + " kg, eq. (30)");
   for (int i = 0; i < low.size(); i += 10) {
     const std::string link = "link " + std::to_string(i / 10 + 1) + ": ";
     const std::array<int, 3> moments = {i + 4, i + 6, i + 9};   // xx, yy, zz

@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <numeric>
 #include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/spectrum.hpp"
 
@@ -16,21 +17,14 @@ namespace {
 
 constexpr double spectrum_window = 20.0;  // [s]
 
-double median(std::vector<double> x) {
-  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
-
 std::string sentence(std::initializer_list<const char*> words, std::initializer_list<double> numbers) {
-  std::ostringstream text;
-  text << std::setprecision(4);
+  std::string text;
   auto number = numbers.begin();
   for (const char* word : words) {
-    text << word;
-    if (number != numbers.end()) text << *number++;
+    text += word;
+    if (number != numbers.end()) text += short_number(*number++, 4);
   }
-  return text.str();
+  return text;
 }
 
 /// Rows that say something new: not the same instant, nor the same reading under another stamp.
@@ -117,7 +111,7 @@ Lag velocity_lag(const Log& log, const Interval& in, double cutoff) {
   std::vector<double> off;
   off.reserve(lags.size());
   for (double lag : lags) off.push_back(std::abs(lag - value));
-  return {value, 1.4826 * median(off) / std::sqrt(double(lags.size()))};
+  return {value, deviations_to_sigma * median(off) / std::sqrt(double(lags.size()))};
 }
 
 /// Noise of the acceleration just above the band, once differentiated from dq and twice from q.

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/signal/table.hpp"
 
 namespace dynid {
@@ -37,11 +37,7 @@ void check_sizes(const Trajectory& trajectory, const std::string& name) {
 }
 
 /// Decimals without an exponent: YAML 1.1 takes 1e-05 for text.
-std::string decimals(double x) {
-  char text[400];
-  std::snprintf(text, sizeof text, "%.9f", x);
-  return text;
-}
+std::string decimals(double x) { return fixed_number(x, 9); }
 
 void emit_row(YAML::Emitter& out, const char* key, const Eigen::MatrixXd& x, Eigen::Index row) {
   out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginSeq;

@@ -541,17 +541,17 @@ TEST(CollisionFile, RefusesByLineAndKey) {
                 .frame,
             8);
   EXPECT_REFUSED(read("format: other\n" + capsule), "c.yaml:1: format");
-  EXPECT_REFUSED(read(head), "key 'capsules' is missing");
+  EXPECT_REFUSED(read(head), "capsules: missing");
   EXPECT_REFUSED(read(head + "wall: 1\n" + capsule), "c.yaml:2: unknown key 'wall'");
   EXPECT_REFUSED(read(head + "clearance: -1\n" + capsule), "c.yaml:2: clearance: is negative");
   EXPECT_REFUSED(read(head + "capsules:\n  - {link: nose, from: [0, 0, 0], to: [0, 0, 1], radius: 0.1}\n"),
                  "c.yaml:3: capsules[1].link: robot 'panda' has no link 'nose'");
   EXPECT_REFUSED(
       read(head + "capsules:\n  - {link: panda_link0, from: [0, 0], to: [0, 0, 1], radius: 0.1}\n"),
-      "capsules[1].from: expected three numbers");
+      "capsules[1].from: expected 3 numbers, found ");
   EXPECT_REFUSED(
       read(head + "capsules:\n  - {link: panda_link0, from: [0, 0, 0], to: [0, 0, 1], radius: 0}\n"),
-      "capsules[1].radius: is not positive");
+      "capsules[1].radius: expected a positive number, found 0");
   EXPECT_REFUSED(read(head + capsule + "boxes:\n  - {name: b, size: [1, -1, 1]}\n"),
                  "boxes[1].size: is not positive");
   EXPECT_REFUSED(read(head + capsule + "ignore:\n  - [panda_link0, moon]\n"), "ignore[1][2]: 'moon'");

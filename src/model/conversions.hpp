@@ -2,17 +2,10 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <string>
 
 #include "dynid/model/link_inertia.hpp"
 
 namespace dynid::detail {
-
-/// The shortest text from which the same double is read again.
-std::string number(double value);
-
-/// Reads all of `text` as a finite number, whatever the locale; false where it is not one.
-bool parse_number(const std::string& text, double& value);
 
 /// Rz(yaw) Ry(pitch) Rx(roll), `rpy` = (roll, pitch, yaw): URDF's angles.
 Eigen::Matrix3d rotation_from_rpy(const Eigen::Vector3d& rpy);

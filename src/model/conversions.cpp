@@ -1,24 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "text.hpp"
+#include "conversions.hpp"
 
-#include <charconv>
 #include <cmath>
 
 namespace dynid::detail {
-
-std::string number(double value) {
-  char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
-  return std::string(buffer, end);
-}
-
-bool parse_number(const std::string& text, double& value) {
-  const char* begin = text.data();
-  const char* const end = begin + text.size();
-  if (begin != end && *begin == '+' && end - begin > 1 && begin[1] != '-') ++begin;
-  const auto result = std::from_chars(begin, end, value);
-  return result.ec == std::errc() && result.ptr == end && std::isfinite(value);
-}
 
 Eigen::Matrix3d rotation_from_rpy(const Eigen::Vector3d& rpy) {
   return (Eigen::AngleAxisd(rpy[2], Eigen::Vector3d::UnitZ()) *
