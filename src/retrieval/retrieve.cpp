@@ -13,6 +13,7 @@
 #include "dynid/retrieval/retrieval.hpp"
 #include "global.hpp"
 #include "local.hpp"
+#include "prior_distance.hpp"
 
 namespace dynid {
 

@@ -2,6 +2,7 @@
 // From logs to a patched model and back, from outside: simulate, diagnose, torque, simulate.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -19,7 +20,7 @@ namespace fs = std::filesystem;
 class PatchCommand : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) / "dynid_patch";
+    folder_ = fs::path(::testing::TempDir()) / ("dynid_patch_" + std::to_string(::getpid()));
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }

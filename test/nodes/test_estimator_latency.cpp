@@ -62,7 +62,12 @@ Figures loop_back(ros::NodeHandle& handle, int count) {
     }
     publisher.publish(message);
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const ros::Time last = sent.rbegin()->first;
+  const auto over = [&] {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return !answers.empty() && answers.back().first >= last;
+  };
+  for (int i = 0; i < 1000 && !over(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   spinner.stop();
 
   Figures result;

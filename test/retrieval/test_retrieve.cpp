@@ -5,13 +5,14 @@
 
 #include <cstdlib>
 
-#include "../../src/retrieval/local.hpp"
+#include "derivative_error.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/dynamics/dynamics.hpp"
 #include "dynid/identification/reverse.hpp"
 #include "dynid/identification/triangular_factor.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "problems.hpp"
+#include "retrieval/local.hpp"
 
 namespace dynid {
 namespace {
@@ -253,10 +254,57 @@ TEST(Retrieve, DerivativesAgreeWithDifferences) {
       task.prior_weight = hard ? 0.3 : 0.0;
       task.pull = hard ? 0.7 : 0.0;
       task.towards = prepared.to_x(p).array() + 0.1;
-      EXPECT_LT(detail::derivative_error(prepared, p, task), 1e-5);
+      EXPECT_LT(testing::derivative_error(prepared, p, task), 1e-5);
     }
     detail::LocalTask free;  // xi_1 = 0
-    EXPECT_LT(detail::derivative_error(prepared, p, free), 1e-5);
+    EXPECT_LT(testing::derivative_error(prepared, p, free), 1e-5);
+  }
+}
+
+// Law: at one point the user's constraint is evaluated once for its value and once for its gradient, in
+// whichever order and however often the optimiser asks; at another point anew.
+TEST(Retrieve, APointIsEvaluatedOnce) {
+  Generator g(4);
+  RetrievalProblem problem = random_problem(g, 1e-2);
+  int values = 0, gradients = 0;
+  Inequality h;
+  h.variables = {0, 14};
+  h.value = [&](const Eigen::VectorXd& p) { return ++values, p[0] * p[14] + 1.0; };
+  h.gradient = [&](const Eigen::VectorXd& p) { return ++gradients, Eigen::Vector2d(p[14], p[0]); };
+  h.hessian = [](const Eigen::VectorXd&) { return Eigen::MatrixXd(Eigen::Matrix2d{{0.0, 1.0}, {1.0, 0.0}}); };
+  problem.bounds.constraints = {make_constraint("product", h)};
+  const detail::Prepared prepared(problem);
+  ASSERT_TRUE(prepared.interior());
+  detail::LocalTask task;
+  task.hard = true;
+  task.alternatives = {0};
+  task.prior_weight = 0.1;
+  detail::LocalProblem local(prepared, task, *prepared.interior());
+  Eigen::VectorXd x = local.layout().start(), gradient(x.size()), rows(local.layout().rows());
+  const Eigen::VectorXd lambda = Eigen::VectorXd::Ones(rows.size());
+  std::vector<double> jacobian(local.layout().jacobian_rows().size());
+  std::vector<double> hessian(static_cast<std::size_t>(local.hessian_size()));
+  for (int point = 0; point < 2; ++point) {
+    x[0] *= 1.0 + 1e-3 * point;
+    values = gradients = 0;
+    double f = 0.0;
+    EXPECT_TRUE(local.hessian(x.data(), 1.0, lambda.data(), hessian.data()));
+    for (int call = 0; call < 2; ++call) {
+      EXPECT_TRUE(local.objective(x.data(), f));
+      EXPECT_TRUE(local.constraints(x.data(), rows.data()));
+      EXPECT_TRUE(local.gradient(x.data(), gradient.data()));
+      EXPECT_TRUE(local.jacobian(x.data(), jacobian.data()));
+    }
+    EXPECT_EQ(values, 1);
+    EXPECT_EQ(gradients, 1);
+    // What was kept says the same as what is worked out anew.
+    detail::LocalProblem fresh(prepared, task, *prepared.interior());
+    std::vector<double> again(jacobian.size());
+    EXPECT_TRUE(fresh.jacobian(x.data(), again.data()));
+    EXPECT_EQ(jacobian, again);
+    double f_again = 0.0;
+    EXPECT_TRUE(fresh.objective(x.data(), f_again));
+    EXPECT_EQ(f, f_again);
   }
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -16,7 +17,8 @@ namespace {
 
 class File {
  public:
-  explicit File(const std::string& text) : path_(::testing::TempDir() + "dynid_table.csv") {
+  explicit File(const std::string& text)
+      : path_(::testing::TempDir() + "dynid_table_" + std::to_string(::getpid()) + ".csv") {
     std::ofstream(path_, std::ios::binary) << text;
   }
   ~File() { std::filesystem::remove(path_); }
