@@ -3,218 +3,316 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <nlopt.hpp>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/friction/friction.hpp"
 
 namespace dynid {
 namespace {
 
-void check(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference) {
-  if (dq.size() != difference.size())
-    throw Error("friction fit: " + std::to_string(dq.size()) + " velocities for " +
-                std::to_string(difference.size()) + " torques");
-  if (dq.size() < 3)
-    throw Error("friction fit: " + std::to_string(dq.size()) + " samples, at least 3 are needed");
-  if (!dq.allFinite() || !difference.allFinite()) throw Error("friction fit: a sample is not finite");
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Parameter = detail::FrictionModel::Parameter;
+
+constexpr Index most_bins = 400;          // enough for the scan of laws that are smooth in the velocity
+constexpr std::size_t cells_refined = 6;  // the best cell of the grid need not lie in the deepest valley
+
+std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+
+void check(const FrictionSamples& s) {
+  if (s.dq.size() != s.difference.size())
+    throw Error("friction fit: " + std::to_string(s.dq.size()) + " velocities for " +
+                std::to_string(s.difference.size()) + " torques");
+  if (s.weight.size() != 0 && s.weight.size() != s.dq.size())
+    throw Error("friction fit: " + std::to_string(s.weight.size()) + " weights for " +
+                std::to_string(s.dq.size()) + " samples");
+  if (s.dq.size() < 3)
+    throw Error("friction fit: " + std::to_string(s.dq.size()) + " samples, at least 3 are needed");
+  if (!s.dq.allFinite() || !s.difference.allFinite() || !s.weight.allFinite())
+    throw Error("friction fit: a sample is not finite");
 }
 
-double sum_squares(const JointFriction& f, const Eigen::VectorXd& dq, const Eigen::VectorXd& difference) {
+/// Samples of like velocity put together, each with the sum of their weights.
+FrictionSamples gathered(const FrictionSamples& s) {
+  std::vector<Index> order;
+  for (Index i = 0; i < s.dq.size(); ++i)
+    if (s.weight.size() == 0 || s.weight[i] != 0.0) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return s.dq[a] < s.dq[b]; });
+  const auto size = static_cast<Index>(order.size());
+  const Index count = std::min(most_bins, size);
+  FrictionSamples bins{VectorXd::Zero(count), VectorXd::Zero(count), VectorXd::Zero(count), {}};
+  for (Index i = 0; i < size; ++i) {
+    const Index k = i * count / size, from = order[at(i)];
+    const double w = s.weight.size() == 0 ? 1.0 : s.weight[from] * s.weight[from];
+    bins.dq[k] += w * s.dq[from];
+    bins.difference[k] += w * s.difference[from];
+    bins.weight[k] += w;
+  }
+  bins.dq.array() /= bins.weight.array();
+  bins.difference.array() /= bins.weight.array();
+  bins.weight = bins.weight.cwiseSqrt();
+  return bins;
+}
+
+class Fit {
+ public:
+  Fit(const FrictionSamples& samples, detail::FrictionModel& model,
+      const std::vector<FrictionUnknown>& unknowns)
+      : samples_(samples), model_(model), all_(model.values()), unknowns_(unknowns) {
+    for (const FrictionUnknown& unknown : unknowns) {
+      const std::vector<Parameter>& known = model.parameters();
+      const auto found =
+          std::find_if(known.begin(), known.end(), [&](const Parameter& p) { return p.key == unknown.key; });
+      if (found == known.end()) throw Error("friction fit: no law has a parameter '" + unknown.key + "'");
+      const auto which = static_cast<Index>(found - known.begin());
+      const auto k = static_cast<Index>(which_.size());
+      which_.push_back(which);
+      (found->role == FrictionRole::linear ? linear_ : nonlinear_).push_back(k);
+    }
+    const VectorXd speeds =
+        samples.weight.size() == 0
+            ? VectorXd(samples.dq.cwiseAbs())
+            : VectorXd((samples.weight.array() != 0.0).select(samples.dq.cwiseAbs(), 0.0));
+    fastest_ = std::max(speeds.maxCoeff(), 1e-9);
+  }
+
+  detail::FrictionEstimate run() {
+    Point best = nonlinear_.empty() ? solved() : searched();
+    set(best.x);
+    return {best.J.transpose() * best.J, best.cost, evaluations_};
+  }
+
+ private:
+  /// Values of the unknowns, what is left there and its derivatives with respect to them, weighted.
+  struct Point {
+    VectorXd x, left;
+    MatrixXd J;
+    double cost = 0.0;
+  };
+
+  void set(const VectorXd& x) {
+    for (std::size_t k = 0; k < which_.size(); ++k) all_[which_[k]] = x[static_cast<Index>(k)];
+    model_.set(all_);
+  }
+
+  Point point(const FrictionSamples& s, const VectorXd& x) {
+    set(x);
+    const auto columns = static_cast<Index>(1 + model_.parameters().size());
+    MatrixXd rows(s.dq.size(), columns);
+    Eigen::RowVectorXd row(columns);
+    if (s.filtered) {
+      rows = s.filtered(static_cast<int>(columns), [&](double dq) {
+        model_.row(dq, row.data());
+        return row;
+      });
+    } else {
+      for (Index i = 0; i < s.dq.size(); ++i) {
+        model_.row(s.dq[i], row.data());
+        rows.row(i) = row;
+      }
+    }
+    Point out;
+    out.x = x;
+    out.left = s.difference - rows.col(0);
+    out.J.resize(rows.rows(), x.size());
+    for (Index k = 0; k < x.size(); ++k) out.J.col(k) = rows.col(1 + which_[at(k)]);
+    if (s.weight.size() != 0) {
+      out.left.array() *= s.weight.array();
+      out.J.array().colwise() *= s.weight.array();
+    }
+    out.cost = out.left.squaredNorm();
+    return out;
+  }
+
+  /// Linear parameters alone.
+  Point solved() {
+    const Point zero = point(samples_, VectorXd::Zero(static_cast<Index>(which_.size())));
+    const Eigen::ColPivHouseholderQR<MatrixXd> qr(zero.J);
+    if (qr.rank() < zero.J.cols()) {
+      std::vector<std::string> keys;
+      for (const FrictionUnknown& unknown : unknowns_) keys.push_back(unknown.key);
+      throw Error("friction fit: these velocities do not tell " + list_in_words(keys) + " apart");
+    }
+    ++evaluations_;
+    return point(samples_, qr.solve(zero.left));
+  }
+
+  /// The values of a nonlinear unknown that the scan tries.
+  std::vector<double> tried(Index k) const {
+    const Parameter& p = model_.parameters()[at(which_[at(k)])];
+    const double scale = std::pow(fastest_, p.speed_power);
+    const double least = std::max(p.least * scale, unknowns_[at(k)].least);
+    const double most = std::max(least, std::min(p.most * scale, unknowns_[at(k)].most));
+    std::vector<double> values;
+    for (int i = 0; i < p.count; ++i) {
+      const double part = double(i) / std::max(p.count - 1, 1);
+      if (p.spacing == FrictionSpacing::geometric) {
+        values.push_back(least * std::pow(most / least, part));
+      } else {
+        const double u = 2.0 * part - 1.0;
+        values.push_back(std::clamp(u * std::abs(u) * (u < 0.0 ? -least : most), least, most));
+      }
+    }
+    return values;
+  }
+
+  /// No friction: where a search begins that finds nothing.
+  VectorXd none() const {
+    VectorXd x = VectorXd::Zero(static_cast<Index>(which_.size()));
+    for (const Index k : nonlinear_) {
+      const Parameter& p = model_.parameters()[at(which_[at(k)])];
+      if (p.spacing == FrictionSpacing::geometric) x[k] = std::pow(fastest_, p.speed_power);
+    }
+    return limited(x);
+  }
+
+  VectorXd limited(VectorXd x) const {
+    for (const Index k : nonlinear_) x[k] = std::clamp(x[k], unknowns_[at(k)].least, unknowns_[at(k)].most);
+    return x;
+  }
+
+  struct Cell {
+    double left;
+    VectorXd x;
+  };
+
+  /// Every cell of the grid over the nonlinear unknowns, the linear ones solved for.
+  std::vector<Cell> scanned() {
+    FrictionSamples bins = gathered(samples_);
+    std::vector<std::vector<double>> values;
+    for (const Index k : nonlinear_) values.push_back(tried(k));
+    std::vector<Cell> cells;
+    std::vector<std::size_t> digit(nonlinear_.size(), 0);
+    for (bool more = true; more;) {
+      VectorXd x = VectorXd::Zero(static_cast<Index>(which_.size()));
+      // A law's derivatives with respect to its linear parameters do not depend on them.
+      for (std::size_t d = 0; d < digit.size(); ++d) x[nonlinear_[d]] = values[d][digit[d]];
+      const Point p = point(bins, x);
+      ++evaluations_;
+      double left = p.cost;
+      if (!linear_.empty()) {
+        const MatrixXd A = p.J(Eigen::all, linear_);
+        const VectorXd b = A.colPivHouseholderQr().solve(p.left);
+        left = (p.left - A * b).squaredNorm();
+        for (std::size_t l = 0; l < linear_.size(); ++l) x[linear_[l]] = b[static_cast<Index>(l)];
+      }
+      if (std::isfinite(left) && x.allFinite()) cells.push_back({left, x});
+      more = false;
+      for (std::size_t d = digit.size(); d-- > 0 && !more;) {
+        more = ++digit[d] < values[d].size();
+        if (!more) digit[d] = 0;
+      }
+    }
+    return cells;
+  }
+
+  Point searched() {
+    std::vector<Cell> cells = scanned();
+    const std::size_t best = std::min(cells_refined, cells.size());
+    std::partial_sort(cells.begin(), cells.begin() + static_cast<std::ptrdiff_t>(best), cells.end(),
+                      [](const Cell& a, const Cell& b) { return a.left < b.left; });
+    Point lowest = point(samples_, none());
+    for (std::size_t k = 0; k < best; ++k) {
+      Point trial = refined(limited(cells[k].x));
+      if (trial.cost < lowest.cost) lowest = std::move(trial);
+    }
+    return lowest;
+  }
+
+  /// Levenberg-Marquardt.
+  Point refined(const VectorXd& start) {
+    Point now = point(samples_, start);
+    ++evaluations_;
+    double damping = 1e-3;
+    int rejected = 0;
+    for (int iteration = 0; iteration < 200 && rejected < 12; ++iteration) {
+      const MatrixXd JtJ = now.J.transpose() * now.J;
+      const VectorXd Jte = now.J.transpose() * now.left;
+      bool accepted = false;
+      for (; rejected < 12; ++rejected) {
+        MatrixXd H = JtJ;
+        H.diagonal() += damping * (JtJ.diagonal().array() + 1e-12 * JtJ.diagonal().maxCoeff()).matrix();
+        const VectorXd step = H.ldlt().solve(Jte);
+        if (step.allFinite()) {
+          Point trial = point(samples_, limited(now.x + step));
+          ++evaluations_;
+          if (trial.cost < now.cost) {
+            accepted = (now.cost - trial.cost) / now.cost > 1e-13;
+            now = std::move(trial);
+            damping = std::max(0.2 * damping, 1e-12);
+            rejected = 0;
+            break;
+          }
+        }
+        damping *= 5.0;
+      }
+      if (!accepted) break;
+    }
+    return now;
+  }
+
+  const FrictionSamples& samples_;
+  detail::FrictionModel& model_;
+  VectorXd all_;  // parameters, those that are no unknowns as given
+  const std::vector<FrictionUnknown>& unknowns_;
+  std::vector<Index> which_;               // parameter that each unknown is
+  std::vector<Index> linear_, nonlinear_;  // unknowns
+  double fastest_ = 0.0;
+  int evaluations_ = 0;
+};
+
+double sum_squares(const JointFriction& f, const VectorXd& dq, const VectorXd& difference) {
   double sum = 0.0;
-  for (Eigen::Index i = 0; i < dq.size(); ++i) {
+  for (Index i = 0; i < dq.size(); ++i) {
     const double e = difference[i] - friction_torque(f, dq[i]);
     sum += e * e;
   }
   return sum;
 }
 
-/// Samples of like velocity put together: enough for the scan of a law that is smooth in it.
-struct Bins {
-  Eigen::VectorXd dq, difference, weight;
-};
-
-Bins bin(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference) {
-  constexpr Eigen::Index most = 400;
-  std::vector<Eigen::Index> order(static_cast<std::size_t>(dq.size()));
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<Eigen::Index>(i);
-  std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return dq[a] < dq[b]; });
-  const Eigen::Index count = std::min(most, dq.size());
-  Bins bins{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
-  for (Eigen::Index i = 0; i < dq.size(); ++i) {
-    const Eigen::Index k = i * count / dq.size(), s = order[static_cast<std::size_t>(i)];
-    bins.dq[k] += dq[s];
-    bins.difference[k] += difference[s];
-    bins.weight[k] += 1.0;
-  }
-  bins.dq.array() /= bins.weight.array();
-  bins.difference.array() /= bins.weight.array();
-  return bins;
-}
-
-/// The best phi1 for given (phi2, phi3) and the energy that it explains.
-std::array<double, 2> explained(const Bins& bins, double phi2, double phi3) {
-  const SigmoidFriction unit{1.0, phi2, phi3};
-  double ss = 0.0, sd = 0.0;
-  for (Eigen::Index k = 0; k < bins.dq.size(); ++k) {
-    const double s = friction_torque(unit, bins.dq[k]);
-    ss += bins.weight[k] * s * s;
-    sd += bins.weight[k] * s * bins.difference[k];
-  }
-  return ss > 0.0 ? std::array<double, 2>{sd / ss, sd * sd / ss} : std::array<double, 2>{0.0, 0.0};
-}
-
-FrictionFit refine(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference, SigmoidFriction start) {
-  FrictionFit fit;
-  fit.friction.sigmoid = start;
-  fit.sum_squares = sum_squares(fit.friction, dq, difference);
-  double damping = 1e-3;
-  int rejected = 0;
-  for (int iteration = 0; iteration < 200 && rejected < 12; ++iteration) {
-    Eigen::Matrix3d JtJ = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d Jte = Eigen::Vector3d::Zero();
-    for (Eigen::Index i = 0; i < dq.size(); ++i) {
-      const Eigen::RowVector3d row = friction_regressor(fit.friction.sigmoid, dq[i]);
-      JtJ.noalias() += row.transpose() * row;
-      Jte.noalias() += row.transpose() * (difference[i] - friction_torque(fit.friction.sigmoid, dq[i]));
-    }
-    ++fit.evaluations;
-    bool accepted = false;
-    for (; rejected < 12; ++rejected) {
-      Eigen::Matrix3d H = JtJ;
-      H.diagonal() += damping * (JtJ.diagonal().array() + 1e-12 * JtJ.diagonal().maxCoeff()).matrix();
-      const Eigen::Vector3d step = H.ldlt().solve(Jte);
-      JointFriction trial = fit.friction;
-      trial.sigmoid = {trial.sigmoid.phi1 + step[0], trial.sigmoid.phi2 + step[1],
-                       trial.sigmoid.phi3 + step[2]};
-      const double sum = step.allFinite() ? sum_squares(trial, dq, difference) : fit.sum_squares;
-      ++fit.evaluations;
-      if (sum < fit.sum_squares) {
-        const double gain = (fit.sum_squares - sum) / fit.sum_squares;
-        fit.friction = trial;
-        fit.sum_squares = sum;
-        damping = std::max(0.2 * damping, 1e-12);
-        accepted = gain > 1e-13;
-        rejected = 0;
-        break;
-      }
-      damping *= 5.0;
-    }
-    if (!accepted) break;
-  }
-  return fit;
-}
-
 /// The rows of blocks other than `fold` (kept) or of that block alone.
-Eigen::VectorXd rows_of(const Eigen::VectorXd& x, int fold, int folds, bool held_out) {
+VectorXd rows_of(const VectorXd& x, int fold, int folds, bool held_out) {
   std::vector<double> out;
-  for (Eigen::Index i = 0; i < x.size(); ++i)
+  for (Index i = 0; i < x.size(); ++i)
     if ((i * folds / x.size() == fold) == held_out) out.push_back(x[i]);
-  return Eigen::Map<Eigen::VectorXd>(out.data(), static_cast<Eigen::Index>(out.size()));
+  return Eigen::Map<VectorXd>(out.data(), static_cast<Index>(out.size()));
 }
 
 }  // namespace
 
-FrictionFit fit_linear_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
-                                double velocity_scale) {
-  check(dq, difference);
-  FrictionFit fit;
-  fit.friction.linear.velocity_scale = velocity_scale;
-  Eigen::MatrixXd A(dq.size(), 3);
-  for (Eigen::Index i = 0; i < dq.size(); ++i) A.row(i) = friction_regressor(fit.friction.linear, dq[i]);
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A);
-  if (qr.rank() < 3)
-    throw Error(
-        "friction fit: these velocities do not tell viscous friction, Coulomb friction and offset apart");
-  const Eigen::Vector3d x = qr.solve(difference);
-  fit.friction.linear.viscous = x[0];
-  fit.friction.linear.coulomb = x[1];
-  fit.friction.linear.offset = x[2];
-  fit.sum_squares = sum_squares(fit.friction, dq, difference);
-  fit.evaluations = 1;
-  return fit;
+detail::FrictionEstimate detail::fit_friction(const FrictionSamples& samples, FrictionModel& model,
+                                              const std::vector<FrictionUnknown>& unknowns) {
+  check(samples);
+  if (unknowns.empty()) throw Error("friction fit: there is no unknown");
+  return Fit(samples, model, unknowns).run();
 }
 
-FrictionFit fit_sigmoid_friction_nelder_mead(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
-                                             const SigmoidFriction& start) {
-  check(dq, difference);
-  FrictionFit fit;
-  const auto cost = [&](const std::vector<double>& x) {
-    ++fit.evaluations;
-    JointFriction f;
-    f.sigmoid = {x[0], x[1], x[2]};
-    return sum_squares(f, dq, difference);
-  };
-  using Cost = decltype(cost);
-  nlopt::opt search(nlopt::LN_NELDERMEAD, 3);
-  search.set_min_objective([](const std::vector<double>& x, std::vector<double>&,
-                              void* data) { return (*static_cast<Cost*>(data))(x); },
-                           const_cast<void*>(static_cast<const void*>(&cost)));
-  search.set_xtol_rel(1e-10);
-  search.set_maxeval(4000);
-  std::vector<double> x = {start.phi1, start.phi2, start.phi3};
-  double value = 0.0;
-  try {
-    search.optimize(x, value);
-  } catch (const nlopt::roundoff_limited&) {  // as good as it gets: x holds the best point
-  }
-  fit.friction.sigmoid = {x[0], x[1], x[2]};
-  fit.sum_squares = sum_squares(fit.friction, dq, difference);
-  return fit;
+FrictionFit fit_linear_friction(const VectorXd& dq, const VectorXd& difference, double velocity_scale) {
+  JointFriction given;
+  given.linear.velocity_scale = velocity_scale;
+  return fit_friction({dq, difference, {}, {}}, given, unknowns_of<LinearFriction>());
 }
 
-FrictionFit fit_sigmoid_friction(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference) {
-  check(dq, difference);
-  const Bins bins = bin(dq, difference);
-  const double fastest = std::max(dq.cwiseAbs().maxCoeff(), 1e-9);
-  struct Cell {
-    double energy, phi1, phi2, phi3;
-  };
-  // From nearly straight over the velocities seen (phi2 fastest = 0.3) to a step between two of them, and
-  // with the middle of the curve anywhere among them.
-  std::vector<Cell> cells;
-  constexpr int slopes = 28, shifts = 25;
-  for (int a = 0; a < slopes; ++a) {
-    for (int b = 0; b < shifts; ++b) {
-      const double phi2 = 0.3 / fastest * std::pow(3000.0, double(a) / (slopes - 1));
-      // Denser near zero, where the curve bends.
-      const double u = 2.0 * b / (shifts - 1) - 1.0;
-      const double phi3 = fastest * u * std::abs(u);
-      const auto [phi1, energy] = explained(bins, phi2, phi3);
-      cells.push_back({energy, phi1, phi2, phi3});
-    }
-  }
-  constexpr std::size_t best = 6;
-  std::partial_sort(cells.begin(), cells.begin() + best, cells.end(),
-                    [](const Cell& a, const Cell& b) { return a.energy > b.energy; });
-  FrictionFit fit;
-  fit.sum_squares = difference.squaredNorm();  // phi1 = 0: no friction at all
-  fit.friction.sigmoid = {0.0, 1.0 / fastest, 0.0};
-  int evaluations = slopes * shifts;
-  for (std::size_t k = 0; k < best; ++k) {
-    const FrictionFit trial = refine(dq, difference, {cells[k].phi1, cells[k].phi2, cells[k].phi3});
-    evaluations += trial.evaluations;
-    if (trial.sum_squares < fit.sum_squares) fit = trial;
-  }
-  fit.evaluations = evaluations;
-  return fit;
+FrictionFit fit_sigmoid_friction(const VectorXd& dq, const VectorXd& difference) {
+  return fit_friction({dq, difference, {}, {}}, JointFriction{}, unknowns_of<SigmoidFriction>());
 }
 
-FrictionChoice choose_friction_law(const Eigen::VectorXd& dq, const Eigen::VectorXd& difference,
-                                   double velocity_scale, int folds) {
-  check(dq, difference);
+FrictionChoice choose_friction_law(const VectorXd& dq, const VectorXd& difference, double velocity_scale,
+                                   int folds) {
+  check({dq, difference, {}, {}});
   if (folds < 2 || dq.size() < 4 * folds)
     throw Error("friction fit: " + std::to_string(dq.size()) + " samples are too few for " +
                 std::to_string(folds) + " held-out blocks");
   FrictionChoice choice;
   for (int fold = 0; fold < folds; ++fold) {
-    const Eigen::VectorXd v = rows_of(dq, fold, folds, false), d = rows_of(difference, fold, folds, false);
-    const Eigen::VectorXd v_out = rows_of(dq, fold, folds, true),
-                          d_out = rows_of(difference, fold, folds, true);
+    const VectorXd v = rows_of(dq, fold, folds, false), d = rows_of(difference, fold, folds, false);
+    const VectorXd v_out = rows_of(dq, fold, folds, true), d_out = rows_of(difference, fold, folds, true);
     choice.none += d_out.squaredNorm();
     choice.linear += sum_squares(fit_linear_friction(v, d, velocity_scale).friction, v_out, d_out);
     choice.sigmoid += sum_squares(fit_sigmoid_friction(v, d).friction, v_out, d_out);

@@ -54,16 +54,7 @@ std::string tip_name(const Robot& robot) {
 /// What no simulator's file has a word for.
 void list_joint_not_expressed(const Joint& joint, std::vector<std::string>& list) {
   const std::string prefix = "joint '" + joint.name + "': ";
-  const LinearFriction& linear = joint.friction.linear;
-  const SigmoidFriction& sigmoid = joint.friction.sigmoid;
-  if (linear.velocity_scale != 0.0 && linear.coulomb != 0.0)
-    list.push_back(prefix + "smoothing of Coulomb friction below " + number(linear.velocity_scale) +
-                   " rad/s");
-  if (linear.offset != 0.0) list.push_back(prefix + "friction offset " + number(linear.offset) + " N m");
-  if (sigmoid.phi1 != 0.0) {
-    list.push_back(prefix + "sigmoid friction phi1 " + number(sigmoid.phi1) + ", phi2 " +
-                   number(sigmoid.phi2) + ", phi3 " + number(sigmoid.phi3));
-  }
+  detail::list_friction_not_expressed(joint.friction, prefix, list);
   if (std::isfinite(joint.limits.acceleration))
     list.push_back(prefix + "acceleration limit " + number(joint.limits.acceleration));
   if (std::isfinite(joint.limits.jerk)) list.push_back(prefix + "jerk limit " + number(joint.limits.jerk));
@@ -258,6 +249,39 @@ std::string identifier(const std::string& name) {
   return (bare ? "robot" : "") + text + "_model";  // which is no keyword
 }
 
+/// `viscous, coulomb, offset, velocity_scale, eq. (24); phi1, ...`: the columns of the table of friction.
+std::string friction_legend() {
+  std::vector<std::string> laws;
+  const auto add = [&laws](const auto& law) {
+    std::vector<std::string> keys;
+    for (const auto& p : law.parameters()) keys.emplace_back(p.key);
+    keys.emplace_back(law.equation);
+    laws.push_back(join(keys));
+  };
+  std::apply([&add](const auto&... law) { (add(law), ...); }, JointFriction().laws());
+  return join(laws, "; ");
+}
+
+int friction_columns() {
+  int columns = 0;
+  for_each_parameter(JointFriction(), [&columns](const auto&, const auto&) { ++columns; });
+  return columns;
+}
+
+/// The lines of make_robot() that fill a joint's laws from its row of the table.
+std::string friction_assignments() {
+  std::string text;
+  int column = 0;
+  const auto add = [&](const auto& law) {
+    std::vector<std::string> values;
+    for (std::size_t k = 0; k < law.parameters().size(); ++k)
+      values.push_back("friction[k][" + std::to_string(column++) + "]");
+    text += std::string("    joint.friction.") + law.name + " = {" + join(values) + "};\n";
+  };
+  std::apply([&add](const auto&... law) { (add(law), ...); }, JointFriction().laws());
+  return text;
+}
+
 /// A string literal; what is not plain ASCII, and what could make a trigraph or end it, as octal.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
@@ -443,12 +467,12 @@ ExportText to_header(const Robot& given) {
         [&](const Joint& joint) {
           return row({joint.parameters.data(), joint.parameters.data() + 10});
         });
-  table("double friction" + size + "[7]",
-        "viscous, coulomb, offset, velocity_scale, eq. (24); phi1, phi2, phi3, eq. (25).",
+  table("double friction" + size + "[" + std::to_string(friction_columns()) + "]", friction_legend() + ".",
         [&](const Joint& joint) {
-          const LinearFriction& l = joint.friction.linear;
-          const SigmoidFriction& s = joint.friction.sigmoid;
-          return row({l.viscous, l.coulomb, l.offset, l.velocity_scale, s.phi1, s.phi2, s.phi3});
+          std::vector<double> values;
+          for_each_parameter(joint.friction,
+                             [&](const auto& law, const auto& p) { values.push_back(law.*p.value); });
+          return row(values);
         });
   table("double rotor_inertias" + size, "On the joint's side of the gear, kg m^2.",
         [&](const Joint& joint) { return literal(joint.rotor_inertia); });
@@ -486,9 +510,8 @@ Robot make_robot() {
       joint.axis[r] = axes[k][r];
     }
     for (int i = 0; i < 10; ++i) joint.parameters[i] = parameters[k][i];
-    joint.friction.linear = {friction[k][0], friction[k][1], friction[k][2], friction[k][3]};
-    joint.friction.sigmoid = {friction[k][4], friction[k][5], friction[k][6]};
-    joint.rotor_inertia = rotor_inertias[k];
+)" + friction_assignments() +
+              R"(    joint.rotor_inertia = rotor_inertias[k];
     joint.limits = {limits[k][0], limits[k][1], limits[k][2], limits[k][3],
                     limits[k][4], limits[k][5], limits[k][6]};
   }

@@ -50,12 +50,9 @@ void check_joint(const Joint& joint, const std::string& name) {
   check_limits(joint.limits, name);
   if (!joint.parameters.allFinite())
     throw Error(name + ": a parameter of link '" + joint.link_name + "' is not finite");
-  const LinearFriction& linear = joint.friction.linear;
-  const SigmoidFriction& sigmoid = joint.friction.sigmoid;
-  for (const double value :
-       {linear.viscous, linear.coulomb, linear.offset, sigmoid.phi1, sigmoid.phi2, sigmoid.phi3}) {
-    if (!std::isfinite(value)) throw Error(name + ": a friction parameter is not finite");
-  }
+  for_each_parameter(joint.friction, [&name](const auto& law, const auto& p) {
+    if (!std::isfinite(law.*p.value)) throw Error(name + ": a friction parameter is not finite");
+  });
   if (!std::isfinite(joint.rotor_inertia)) throw Error(name + ": rotor inertia is not finite");
 }
 

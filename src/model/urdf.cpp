@@ -117,18 +117,7 @@ void list_inertia_not_expressed(const StandardParameters& p, const std::string& 
 /// is.
 void list_not_expressed(const Joint& joint, std::vector<std::string>& list) {
   const std::string prefix = "joint '" + joint.name + "': ";
-  const SigmoidFriction& sigmoid = joint.friction.sigmoid;
-  if (joint.friction.linear.velocity_scale != 0.0 && joint.friction.linear.coulomb != 0.0) {
-    list.push_back(prefix + "smoothing of Coulomb friction below " +
-                   number(joint.friction.linear.velocity_scale) + " rad/s");
-  }
-  if (joint.friction.linear.offset != 0.0) {
-    list.push_back(prefix + "friction offset " + number(joint.friction.linear.offset) + " N m");
-  }
-  if (sigmoid.phi1 != 0.0) {
-    list.push_back(prefix + "sigmoid friction phi1 " + number(sigmoid.phi1) + ", phi2 " +
-                   number(sigmoid.phi2) + ", phi3 " + number(sigmoid.phi3));
-  }
+  detail::list_friction_not_expressed(joint.friction, prefix, list);
   if (joint.rotor_inertia != 0.0) {
     list.push_back(prefix + "rotor inertia " + number(joint.rotor_inertia) + " kg m^2");
   }

@@ -13,7 +13,9 @@
 #include "conversions.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/effect/complete.hpp"
+#include "friction/yaml.hpp"
 
 namespace dynid {
 namespace {
@@ -22,18 +24,28 @@ using detail::YamlItem;
 
 constexpr const char* format_name = "dynid-model-1";
 
-constexpr const char* header =
+constexpr const char* header_to_friction =
     R"(# A robot's dynamic model. SI units (m, rad, s, kg, N m); joints and links from base to tip.
 # dh: modified Denavit-Hartenberg, Rx(alpha) Tx(a) Rz(theta + q) Tz(d). origin: pose of the link frame at q = 0 in its
 # parent's, rpy = (roll, pitch, yaw) of Rz(yaw) Ry(pitch) Rx(roll); axis: in the link frame.
 # com: centre of mass in the link frame. inertia: tensor about the centre of mass in the axes of the link frame.
 # first_moment, inertia_about_origin: mass x com, and the tensor about the frame's origin (where a mass is too small
-# for a centre of mass). friction: viscous dq + coulomb sign(dq) + offset
-# + phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), where sign(dq) is tanh(dq / velocity_scale) if
+# for a centre of mass). friction: )";
+
+constexpr const char* header_from_friction =
+    R"(, where sign(dq) is tanh(dq / velocity_scale) if
 # that is given. gravity: in the base frame. effects: beyond the rigid body and friction, joints from 1.
 # servo: kp (u(t - delay) - q - bias) - kd dq drives the joint; without kp only ratios to it are known:
 # natural_frequency sqrt(kp / J), damping_ratio, coulomb_position Fc / kp.
 )";
+
+/// What stands before every model; the laws of friction say what they are.
+std::string header() {
+  std::vector<std::string> formulas;
+  std::apply([&formulas](const auto&... law) { (formulas.emplace_back(law.formula), ...); },
+             JointFriction().laws());
+  return header_to_friction + join(formulas, "\n# + ") + header_from_friction;
+}
 
 Eigen::Isometry3d read_pose(const YamlItem& item) {
   item.expect_keys({"xyz", "rpy", "quaternion"});
@@ -102,24 +114,6 @@ JointLimits read_limits(const YamlItem& item) {
   return limits;
 }
 
-JointFriction read_friction(const YamlItem& item) {
-  item.expect_keys({"viscous", "coulomb", "offset", "velocity_scale", "phi1", "phi2", "phi3"});
-  JointFriction friction;
-  const auto read = [&](const char* key, double& value) {
-    if (item.has(key)) value = item.at(key).number();
-  };
-  read("viscous", friction.linear.viscous);
-  read("coulomb", friction.linear.coulomb);
-  read("offset", friction.linear.offset);
-  read("velocity_scale", friction.linear.velocity_scale);
-  if (friction.linear.velocity_scale < 0.0)
-    item.at("velocity_scale").fail("expected a number that is not negative");
-  if (item.has("phi1") || item.has("phi2") || item.has("phi3")) {
-    friction.sigmoid = {item.at("phi1").number(), item.at("phi2").number(), item.at("phi3").number()};
-  }
-  return friction;
-}
-
 constexpr std::pair<JointType, const char*> joint_types[] = {{JointType::revolute, "revolute"},
                                                              {JointType::continuous, "continuous"},
                                                              {JointType::prismatic, "prismatic"}};
@@ -186,7 +180,7 @@ Joint read_joint(const YamlItem& item) {
   }
   if (item.has("limits")) joint.limits = read_limits(item.at("limits"));
   joint.parameters = read_inertia(item);
-  if (item.has("friction")) joint.friction = read_friction(item.at("friction"));
+  if (item.has("friction")) joint.friction = detail::read_friction<JointFriction>(item.at("friction"));
   if (item.has("rotor_inertia")) joint.rotor_inertia = item.at("rotor_inertia").number();
   if (item.has("servo")) joint.servo = read_servo(item.at("servo"));
   return joint;
@@ -333,27 +327,6 @@ void put_limits(YAML::Emitter& out, const JointLimits& limits) {
   out << YAML::EndMap;
 }
 
-void put_friction(YAML::Emitter& out, const JointFriction& friction) {
-  const LinearFriction& linear = friction.linear;
-  const SigmoidFriction& sigmoid = friction.sigmoid;
-  const bool has_linear = linear.viscous != 0.0 || linear.coulomb != 0.0 || linear.offset != 0.0;
-  const bool has_sigmoid = sigmoid.phi1 != 0.0 || sigmoid.phi2 != 0.0 || sigmoid.phi3 != 0.0;
-  if (!has_linear && !has_sigmoid) return;
-  out << YAML::Key << "friction" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  if (has_linear) {
-    put(out, "viscous", linear.viscous);
-    put(out, "coulomb", linear.coulomb);
-    put(out, "offset", linear.offset);
-    if (linear.velocity_scale != 0.0) put(out, "velocity_scale", linear.velocity_scale);
-  }
-  if (has_sigmoid) {
-    put(out, "phi1", sigmoid.phi1);
-    put(out, "phi2", sigmoid.phi2);
-    put(out, "phi3", sigmoid.phi3);
-  }
-  out << YAML::EndMap;
-}
-
 /// What differs from the default: a limit that is not there, a term that was not found, is not written.
 void put_servo(YAML::Emitter& out, const Servo& servo) {
   const Servo none;
@@ -389,7 +362,7 @@ void put_joint(YAML::Emitter& out, const Joint& joint) {
   }
   put_limits(out, joint.limits);
   put_inertia(out, joint.parameters);
-  put_friction(out, joint.friction);
+  detail::put_friction(out, joint.friction);
   if (joint.rotor_inertia != 0.0) put(out, "rotor_inertia", joint.rotor_inertia);
   if (joint.servo) put_servo(out, *joint.servo);
   out << YAML::EndMap;
@@ -483,7 +456,7 @@ std::string to_yaml(const ModelFile& model) {
     out << YAML::EndSeq;
   }
   out << YAML::EndMap;
-  return std::string(header) + out.c_str() + "\n";
+  return header() + out.c_str() + "\n";
 }
 
 void write_model(const std::string& path, const ModelFile& model) { write_file(path, to_yaml(model)); }

@@ -27,11 +27,10 @@ Robot perturbed(const Robot& robot, double spread, unsigned long seed) {
     } else {  // no body has these parameters: they are scaled as a whole
       joint.parameters *= 1.0 + 2.0 * E(0, 0);
     }
-    LinearFriction& linear = joint.friction.linear;
-    SigmoidFriction& sigmoid = joint.friction.sigmoid;
-    for (double* x : {&linear.viscous, &linear.coulomb, &linear.offset, &sigmoid.phi1, &sigmoid.phi2,
-                      &sigmoid.phi3, &joint.rotor_inertia})
-      *x *= 1.0 + spread * normal(random);
+    for_each_parameter(joint.friction, [&](auto& law, const auto& p) {
+      if (p.role != FrictionRole::given) law.*p.value *= 1.0 + spread * normal(random);
+    });
+    joint.rotor_inertia *= 1.0 + spread * normal(random);
   }
   return other;
 }

@@ -7,17 +7,9 @@
 
 #include "dynid/app/context.hpp"
 #include "dynid/model/coefficient.hpp"
+#include "dynid/model/export_format.hpp"
 
 namespace dynid {
-
-enum class ExportFormat {
-  urdf,
-  mjcf,    ///< MuJoCo
-  sdf,     ///< Gazebo
-  yaml,    ///< this library's own, coefficients included
-  header,  ///< C++
-  franka,  ///< the inertials that franka_description reads
-};
 
 /// A model in the words of another program.
 struct ExportJob {

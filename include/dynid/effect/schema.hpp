@@ -9,6 +9,7 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/model/effect.hpp"
+#include "dynid/model/export_format.hpp"
 #include "dynid/model/robot.hpp"
 
 namespace dynid {
@@ -37,9 +38,6 @@ inline const char* to_string(EffectScope scope) noexcept {
   }
   return "arm";
 }
-
-/// Files that a robot is exported to.
-enum class ExportFormat { urdf, mjcf, sdf, franka, header };
 
 /// The unit that a prismatic joint has where a revolute one has `unit`: N for N m, m for rad, kg for kg m^2.
 /// Other units are the same for both.

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "dynid/base/error.hpp"
+#include "dynid/friction/joint_friction.hpp"
 #include "dynid/model/effect.hpp"
-#include "dynid/model/friction_parameters.hpp"
 #include "dynid/model/link_inertia.hpp"
 #include "dynid/model/servo.hpp"
 
