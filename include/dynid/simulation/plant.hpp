@@ -19,7 +19,7 @@ struct PlantOptions {
 };
 
 /// A robot to try things on: rigid body, rotor inertia and friction of eqs. (24), (25) of a Robot, and its
-/// effects (Robot::effects, see simulation_effects()), in continuous time by Runge-Kutta of order 4.
+/// effects (Robot::effects, see effect_schemas()), in continuous time by Runge-Kutta of order 4.
 ///
 /// The joint torque tau obeys M(q) ddq + S dq + g + friction + effects = tau. Friction that jumps at zero
 /// velocity (velocity_scale 0) is smoothed over 1 mrad/s. With joint_elasticity or backlash a joint has a
