@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynid/identification/base_parameters.hpp"
+#include "dynid/identification/remark.hpp"
 #include "dynid/identification/triangular_factor.hpp"
 #include "dynid/model/coefficient.hpp"
 #include "dynid/signal/log.hpp"
@@ -32,6 +33,7 @@ struct IdentifyOptions {
   /// dropped one by one, the worst first; 0: none.
   double prune_percent = 30.0;
   bool validate = true;  ///< without validation logs: make the second fit that `validation` needs
+  RemarkCriteria remarks;
   /// Called with what is being done and how far it is, 0..1.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
@@ -69,6 +71,7 @@ struct Identification {
   Eigen::VectorXd correlation;  ///< n: rows that one independent row is worth
   TriangularFactor factor;      ///< of the unweighted rows, all `rank` columns, what one-step retrieval needs
   double cutoff = 0.0;          ///< [Hz]
+  std::vector<Remark> remarks;  ///< joint by joint, errors last; empty where nothing is odd
   std::vector<PreparedLog> logs;  ///< checks and choices made for each log; their segments are released
 };
 
@@ -81,6 +84,9 @@ struct Identification {
 ///
 /// Standard deviations count independent rows only, see covariance(). `validation` logs are never fitted;
 /// without any, a second fit leaves out two of ten contiguous blocks of every log and is judged on them.
+/// `remarks` names every significant coefficient of a sign that no robot has: a base parameter that no
+/// physically consistent links make negative (zz1 where it is the inertia about joint 1), rotor inertia,
+/// viscous and Coulomb friction; and an error that alone says that log and model do not belong together.
 /// Throws Error: unusable logs, a number of joints other than the robot's, a motion that does not excite.
 Identification identify(const Robot& robot, const std::vector<Log>& logs,
                         const std::vector<Log>& validation = {}, const IdentifyOptions& options = {});
