@@ -6,6 +6,7 @@
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
+#include "cli/identify_servo.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -25,6 +26,7 @@ struct Arguments {
   MotionSource motion = MotionSource::automatic;
   double prune = 30.0;
   bool friction_only = false;
+  bool servo = false;
 };
 
 const char* law_name(FrictionLaw law) {
@@ -101,6 +103,8 @@ void run_friction_only(const Arguments& a, const Robot& robot) {
 }
 
 void run(const Arguments& a) {
+  if (a.servo) return identify_servo(a.output, a.robot, a.input, a.logs, a.out);
+  if (a.robot.path.empty()) throw Error("--robot is required (it is optional with --servo only)");
   const Stopwatch watch;
   a.output.check({a.out});
   const Robot robot = a.robot.read(a.output).robot;
@@ -172,7 +176,9 @@ void add_identify(CLI::App& app, int& status) {
   auto a = std::make_shared<Arguments>();
   CLI::App* command =
       app.add_subcommand("identify", "Dynamic coefficients and friction from recorded motions");
-  a->robot.add_to(*command);
+  a->robot.add_to(*command, "--robot", false);
+  command->add_flag("--servo", a->servo,
+                    "Position servos from commanded and measured positions (CSV: t, u1.., q1..)");
   command->add_option("--log", a->logs, "Logs to fit (CSV: t, q1.., dq1.., tau1..; or .bag)")
       ->required()
       ->type_name("FILE...");
@@ -215,7 +221,8 @@ void add_identify(CLI::App& app, int& status) {
       "Keep the robot's rigid-body parameters and fit friction to the differences (Section IV-B)");
   a->output.add_to(*command);
   command->footer(
-      "Example: dynid identify --robot config/panda.yaml --log exciting.csv --out identified.yaml");
+      "Example: dynid identify --robot config/panda.yaml --log exciting.csv --out identified.yaml\n"
+      "         dynid identify --servo --log chirp.csv multisine.csv --out servos.yaml");
   command->callback([a, &status] {
     run(*a);
     status = 0;

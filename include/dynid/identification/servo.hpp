@@ -28,7 +28,7 @@ struct ServoOptions {
   int folds = 3;
   bool further_terms = true;  ///< seek terms beyond stiffness, damping, Coulomb friction, delay and bias
   double confidence = 0.9;    ///< of the intervals
-  /// Called from one thread with the stage and the share done; may throw to cancel.
+  /// Called with the stage and the share done, on any thread but never on two at once; may throw to cancel.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
