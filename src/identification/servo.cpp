@@ -24,6 +24,7 @@ using detail::ServoSolution;
 using P = ServoParameter;
 
 constexpr double alias_correlation = 0.95;  // of two estimates: a tenth of the variance is their own
+constexpr int refined = 4;                  // times as many steps in the final fit
 constexpr int short_fit = 8, fold_fit = 10, long_fit = 40;  // iterations
 
 /// A further term: what it frees, and where its search starts.
@@ -197,6 +198,8 @@ class JointSearch {
         left.erase(std::find(left.begin(), left.end(), tried[best]));
       }
     }
+    // The last digits with a finer step: the discretisation must not show beside the intervals.
+    all_.substeps = refined * options_.substeps;
     solution_ = settle(all_, solution_.joint, free_, long_fit);
     fit.identified = true;
     fit.ratios = solution_.joint;
