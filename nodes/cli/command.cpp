@@ -152,11 +152,11 @@ Context Progress::context() {
 }
 
 std::vector<Log> read_logs(const LogOption& input, const std::vector<std::string>& paths, const Robot& robot,
-                           Progress& progress) {
+                           Progress& progress, const LogColumns& required) {
   std::vector<Log> logs;
   for (const std::string& path : paths) {
     progress.context().report("reading " + path, 0.0);
-    logs.push_back(input.read(path, robot));
+    logs.push_back(input.read(path, robot, required));
   }
   return logs;
 }

@@ -82,7 +82,7 @@ class Progress {
 
 /// Logs of one command, in their order. Throws as LogOption::read().
 std::vector<Log> read_logs(const LogOption& input, const std::vector<std::string>& paths, const Robot& robot,
-                           Progress& progress);
+                           Progress& progress, const LogColumns& required = {});
 
 using detail::Stopwatch;
 

@@ -10,6 +10,7 @@ void add_info(CLI::App& app, int& status);
 void add_identify(CLI::App& app, int& status);
 void add_reverse(CLI::App& app, int& status);
 void add_torque(CLI::App& app, int& status);
+void add_replay(CLI::App& app, int& status);
 void add_retrieve(CLI::App& app, int& status);
 void add_excite(CLI::App& app, int& status);
 void add_simulate(CLI::App& app, int& status);
@@ -24,6 +25,7 @@ inline void add_commands(CLI::App& app, int& status) {
   add_identify(app, status);
   add_reverse(app, status);
   add_torque(app, status);
+  add_replay(app, status);
   add_retrieve(app, status);
   add_excite(app, status);
   add_simulate(app, status);

@@ -7,6 +7,8 @@
 #include "cli/commands.hpp"
 #include "dynid/app/choices.hpp"
 #include "dynid/app/friction.hpp"
+#include "dynid/app/servo.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/model/yaml.hpp"
 
 namespace dynid {
@@ -19,6 +21,7 @@ struct Arguments {
   std::vector<std::string> logs, validation;
   std::string out;
   bool friction_only = false;
+  bool servo = false;
   IdentifyOptions options;
 };
 
@@ -32,7 +35,18 @@ void write(const Arguments& a, const Report& report) {
   if (!a.out.empty()) std::cout << "Model written to " << a.out << "\n";
 }
 
+void identify_servo(const Arguments& a) {
+  a.output.check({a.out});
+  IdentifyServosJob job;
+  if (!a.robot.path.empty()) job.robot = a.robot.read(a.output).robot;
+  Progress progress(a.output);
+  job.logs = read_logs(a.input, a.logs, job.robot.value_or(Robot()), progress, servo_columns());
+  write(a, run(job, progress.context()));
+}
+
 void run(const Arguments& a) {
+  if (a.servo) return identify_servo(a);
+  if (a.robot.path.empty()) throw Error("--robot is required (it is optional with --servo only)");
   IdentifyJob job;
   job.options = a.options;
   check_options(job);
@@ -54,7 +68,9 @@ void add_identify(CLI::App& app, int& status) {
   IdentifyOptions& o = a->options;
   CLI::App* command =
       app.add_subcommand("identify", "Dynamic coefficients and friction from recorded motions");
-  a->robot.add_to(*command);
+  a->robot.add_to(*command, "--robot", false);
+  command->add_flag("--servo", a->servo,
+                    "Position servos from commanded and measured positions (CSV: t, u1.., q1..)");
   command->add_option("--log", a->logs, "Logs to fit (CSV: t, q1.., dq1.., tau1..; or .bag)")
       ->required()
       ->type_name("FILE...");
@@ -85,7 +101,8 @@ void add_identify(CLI::App& app, int& status) {
       "Keep the robot's rigid-body parameters and fit friction to the differences (Section IV-B)");
   a->output.add_to(*command);
   command->footer(
-      "Example: dynid identify --robot config/panda.yaml --log exciting.csv --out identified.yaml");
+      "Example: dynid identify --robot config/panda.yaml --log exciting.csv --out identified.yaml\n"
+      "         dynid identify --servo --log chirp.csv multisine.csv --out servos.yaml");
   command->callback([a, &status] {
     run(*a);
     status = 0;

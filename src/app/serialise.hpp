@@ -18,11 +18,12 @@
 #include "dynid/app/info.hpp"
 #include "dynid/app/retrieve.hpp"
 #include "dynid/app/reverse.hpp"
+#include "dynid/app/servo.hpp"
 #include "dynid/app/simulate.hpp"
 #include "dynid/app/torque.hpp"
+#include "dynid/effect/schema.hpp"
 #include "dynid/model/coefficient.hpp"
 #include "dynid/signal/prepare.hpp"
-#include "dynid/effect/schema.hpp"
 
 namespace dynid {
 
@@ -38,6 +39,8 @@ nlohmann::json to_json(const DiagnoseReport& report);
 nlohmann::json to_json(const BlindReport& report);
 nlohmann::json to_json(const ExportReport& report);
 nlohmann::json to_json(const DemoReport& report);
+nlohmann::json to_json(const IdentifyServosReport& report);
+nlohmann::json to_json(const ReplayReport& report);
 
 /// The catalogue: `{"effects": [...]}`.
 nlohmann::json to_json(const std::vector<EffectSchema>& effects);

@@ -52,8 +52,8 @@ double huber(double r, double width) {
 /// The search's coordinates.
 class Coordinates {
  public:
-  Coordinates(const Parameters& free, double interval, int longest_delay) : free_(free) {
-    for (const ServoParameter p : free) bounds_.push_back(servo_bounds(p, interval, longest_delay));
+  Coordinates(const Parameters& free, const ServoProblem& problem) : free_(free) {
+    for (const ServoParameter p : free) bounds_.push_back(servo_bounds(p, problem));
   }
   Eigen::Index size() const { return static_cast<Eigen::Index>(free_.size()); }
   const ServoBounds& bounds(Eigen::Index k) const { return bounds_[static_cast<std::size_t>(k)]; }
@@ -134,7 +134,8 @@ Normal normal_equations(const ServoProblem& problem, const ServoJoint& joint, co
 
 }  // namespace
 
-ServoBounds servo_bounds(ServoParameter p, double interval, int longest_delay) {
+ServoBounds servo_bounds(ServoParameter p, const ServoProblem& problem) {
+  const double interval = problem.series.front()->interval;
   const double infinite = 1e6;
   switch (p) {
     case ServoParameter::inertia:  // a natural frequency above twice the sampling rate's Nyquist cannot be
@@ -149,7 +150,7 @@ ServoBounds servo_bounds(ServoParameter p, double interval, int longest_delay) {
     case ServoParameter::bias:
       return {false, -infinite, infinite};
     case ServoParameter::delay:
-      return {false, 0.0, longest_delay * interval};
+      return {false, problem.earliest_delay * interval, problem.longest_delay * interval};
     case ServoParameter::stribeck_velocity:
       return {true, 1e-6, infinite};
     case ServoParameter::load_friction:  // of one: a gear that locks itself under load
@@ -157,7 +158,7 @@ ServoBounds servo_bounds(ServoParameter p, double interval, int longest_delay) {
     case ServoParameter::limit:
       return {true, 1e-9, infinite};
     case ServoParameter::command_lag:
-      return {false, 0.0, 10.0 * longest_delay * interval};
+      return {false, 0.0, 10.0 * problem.longest_delay * interval};
   }
   return {};
 }
@@ -195,8 +196,7 @@ ServoSolution fit_servo(const ServoProblem& problem, const ServoJoint& start, co
                         double width, int iterations) {
   constexpr double converged = 1e-6;    // of the loss, relative
   constexpr double longest_step = 1.0;  // of a logarithm: a factor e
-  const double interval = problem.series.front()->interval;
-  const Coordinates coordinates(free, interval, problem.longest_delay);
+  const Coordinates coordinates(free, problem);
   const Eigen::Index n = coordinates.size();
   Eigen::VectorXd x = coordinates.of(start);
   ServoSolution out;
@@ -323,14 +323,10 @@ std::optional<ServoJoint> equation_error(const ServoProblem& problem) {
 ServoInformation servo_information(const ServoProblem& problem, const ServoSolution& solution,
                                    const Parameters& free) {
   constexpr Eigen::Index blocks_a_log = 20;
-  const double interval = problem.series.front()->interval;
-  const Coordinates all(free, interval, problem.longest_delay);
   ServoInformation out;
-  const Eigen::VectorXd at = all.of(solution.joint);
-  for (Eigen::Index k = 0; k < all.size(); ++k)
-    if (at[k] > all.low(k) && at[k] < all.high(k)) out.free.push_back(free[static_cast<std::size_t>(k)]);
+  out.free = free;
   const auto n = static_cast<Eigen::Index>(out.free.size());
-  const Coordinates coordinates(out.free, interval, problem.longest_delay);
+  const Coordinates coordinates(out.free, problem);
   const Eigen::VectorXd slope = coordinates.slope(solution.joint);
   out.hessian = Eigen::MatrixXd::Zero(n, n);
   std::vector<Eigen::VectorXd> blocks, logs;
@@ -356,10 +352,12 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
     logs.push_back(of_log);
   }
   out.hessian = Eigen::MatrixXd(out.hessian.selfadjointView<Eigen::Lower>());
-  // A direction that the logs do not show at all gets a wide interval, not an infinite one.
   Eigen::MatrixXd H = out.hessian;
+  for (Eigen::Index k = 0; k < n; ++k) {
+    out.visible.push_back(H(k, k) > 0.0);
+    if (!out.visible.back()) H(k, k) = 1.0;
+  }
   H.diagonal() *= 1.0 + 1e-9;
-  H.diagonal().array() += 1e-12 * H.diagonal().maxCoeff();
   const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
   const auto spread = [&](const std::vector<Eigen::VectorXd>& scores) {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
@@ -374,7 +372,10 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
   if (logs.size() >= 3) {
     const Eigen::MatrixXd between = spread(logs);
     double ratio = 0.0;
-    for (Eigen::Index k = 0; k < n; ++k) ratio += between(k, k) / out.covariance(k, k) / double(n);
+    Eigen::Index seen = 0;
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (out.covariance(k, k) > 0.0) ratio += between(k, k) / out.covariance(k, k), ++seen;
+    if (seen > 0) ratio /= double(seen);
     if (ratio > 1.0) out.covariance *= ratio;
   }
   return out;

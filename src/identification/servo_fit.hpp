@@ -10,18 +10,19 @@ namespace dynid::detail {
 
 using Parameters = std::vector<ServoParameter>;
 
+struct ServoProblem {
+  std::vector<const ServoSeries*> series;
+  int substeps = 4;
+  int longest_delay = 10;  ///< [sampling intervals]
+  int earliest_delay = 0;  ///< at most zero: below it, a motion would precede its command
+};
+
 /// Bounds and scale of a parameter in the search.
 struct ServoBounds {
   bool logarithmic = false;  ///< searched as its logarithm: it is positive
   double low = 0.0, high = 0.0;
 };
-ServoBounds servo_bounds(ServoParameter p, double interval, int longest_delay);
-
-struct ServoProblem {
-  std::vector<const ServoSeries*> series;
-  int substeps = 4;
-  int longest_delay = 10;
-};
+ServoBounds servo_bounds(ServoParameter p, const ServoProblem& problem);
 
 /// Open-loop motion at the stamps, from the first position at rest.
 Eigen::VectorXd simulate_servo(const ServoJoint& joint, const ServoSeries& series, int substeps);
@@ -48,7 +49,8 @@ std::optional<ServoJoint> equation_error(const ServoProblem& problem);
 
 /// Scores in the coordinates of the search.
 struct ServoInformation {
-  Parameters free;             ///< those away from their bounds
+  Parameters free;
+  std::vector<bool> visible;   ///< the motion depends on it at all
   Eigen::MatrixXd covariance;  ///< of the coordinates (logarithms where logarithmic)
   Eigen::MatrixXd hessian;     ///< of half the loss
   double degrees = 0.0;        ///< of freedom

@@ -16,10 +16,11 @@
 #include "dynid/app/pipeline.hpp"
 #include "dynid/app/retrieve.hpp"
 #include "dynid/app/reverse.hpp"
+#include "dynid/app/servo.hpp"
 #include "dynid/app/simulate.hpp"
 #include "dynid/app/torque.hpp"
-#include "dynid/model/coefficient.hpp"
 #include "dynid/effect/schema.hpp"
+#include "dynid/model/coefficient.hpp"
 
 namespace dynid {
 
@@ -35,6 +36,8 @@ void print(std::ostream& out, const ExciteReport& report, const std::string& wri
 void print(std::ostream& out, const DiagnoseReport& report);
 void print(std::ostream& out, const BlindReport& report);
 void print(std::ostream& out, const DemoReport& report);
+void print(std::ostream& out, const IdentifyServosReport& report);
+void print(std::ostream& out, const ReplayReport& report);
 /// The effects that a robot can be simulated with: the catalogue.
 void print(std::ostream& out, const std::vector<EffectSchema>& effects);
 /// A table of coefficients.

@@ -200,8 +200,8 @@ class ServoState {
 /// that a delay acts smoothly however coarse the stamps are.
 class HeldCommand {
  public:
-  /// t [s]: N stamps, not decreasing; u [rad]: N commands. Both must outlive this. Before the first stamp the
-  /// first command holds.
+  /// t [s]: N stamps, not decreasing; u [rad]: N commands; both are copied. Before the first stamp the first
+  /// command holds.
   HeldCommand(const Eigen::Ref<const Eigen::VectorXd>& t, const Eigen::Ref<const Eigen::VectorXd>& u)
       : t_(t), u_(u), integral_(t.size()) {
     integral_[0] = 0.0;

@@ -17,7 +17,8 @@ namespace dynid {
 /// Settings of identify_servos(); each default with its reason.
 struct ServoOptions {
   /// Steps of the open-loop simulation for each sampling interval. Four keep the discretisation below a
-  /// hundredth of the motion error of a servo whose natural frequency is a tenth of the sampling rate's.
+  /// hundredth of the motion error of a servo whose natural frequency is a tenth of the sampling rate's; the
+  /// final fit takes four times as many.
   int substeps = 4;
   /// Longest delay sought, in sampling intervals: longer ones are outer-loop effects, not a servo's.
   int longest_delay = 10;
@@ -28,7 +29,7 @@ struct ServoOptions {
   int folds = 3;
   bool further_terms = true;  ///< seek terms beyond stiffness, damping, Coulomb friction, delay and bias
   double confidence = 0.9;    ///< of the intervals
-  /// Called from one thread with the stage and the share done; may throw to cancel.
+  /// Called with the stage and the share done, on any thread but never on two at once; may throw to cancel.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
@@ -110,6 +111,6 @@ struct ServoReplay {
 /// is used. Joints whose kp is known are coupled through the rigid body (mass matrix, Coriolis and gravity
 /// torques at the simulated state; the velocities of a step, with friction, by projected Gauss-Seidel);
 /// joints with ratios only stand alone. Throws Error: a joint without servo, no u, sizes that differ.
-ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps = 4);
+ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps = 16);
 
 }  // namespace dynid
