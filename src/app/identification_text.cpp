@@ -94,6 +94,7 @@ void print(std::ostream& out, const IdentifyReport& report) {
     out << "  joint " << c.joint << ": " << word_for(friction_laws(), c.chosen) << " friction (held-out rms "
         << c.linear << " linear, " << c.sigmoid << " sigmoid)\n";
   print(out, id.coefficients);
+  for (const Remark& r : id.remarks) out << "Warning: " << r.text << "\n";
   print_consistency(out, report.source, report.physically_consistent);
 }
 
