@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -86,11 +87,13 @@ inline Eigen::MatrixXd predicted(const Robot& robot, const Log& log) {
   return predict_torque(robot, log).tau + predict_effects(robot, log);
 }
 
-/// What the fitted law follows only in part, or not along a motion that is not that of its log: play in a
-/// joint and a spring that swings, blows in which nobody can follow, and a command that only the torque
-/// shows.
+/// What the fitted law follows only in part along so short a motion: play in a joint and a spring that
+/// swings, whose blows nobody can follow, a command that only the torque shows, and a bristle that gives way
+/// by and by where the fitted one slips at once, in a motion not much larger than its slip.
 inline bool harder(const Effect& effect) {
-  return effect.name == "backlash" || effect.name == "joint_elasticity" || effect.name == "torque_saturation";
+  for (const char* name : {"backlash", "joint_elasticity", "torque_saturation", "presliding_hysteresis"})
+    if (effect.name == name) return true;
+  return false;
 }
 
 inline Robot with(const Robot& robot, const Effect& effect) {
@@ -116,6 +119,9 @@ inline std::string error_of(const std::function<void()>& f) {
 struct Case {
   std::string effect, robot;
 };
+inline std::ostream& operator<<(std::ostream& out, const Case& c) {
+  return out << c.effect << " on " << c.robot;
+}
 inline std::vector<Case> all_cases() {
   std::vector<Case> all;
   for (const EffectSchema& schema : effect_schemas())
