@@ -8,8 +8,8 @@
 
 namespace dynid {
 
-/// run_blind() that leaves out the cases that have not begun once `stop` (may be null) is set. An exception out
-/// of its progress would not do: it would cancel the loops inside the diagnoses that are under way.
+/// run_blind() that leaves out the cases that have not begun once `stop` (may be null) is set. An exception
+/// out of its progress would not do: it would cancel the loops inside the diagnoses that are under way.
 std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& options,
                                  const std::atomic<bool>* stop);
 
