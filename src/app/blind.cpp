@@ -6,6 +6,7 @@
 
 #include "app/check.hpp"
 #include "app/job.hpp"
+#include "diagnosis/stoppable_blind.hpp"
 #include "dynid/app/choices.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/diagnosis/calibration.hpp"
@@ -42,15 +43,15 @@ BlindReport run(const BlindJob& job, const Context& context) {
   detail::JobProgress progress(context);
   BlindOptions options = job.options;
   options.progress = [&progress](int done, int of) {
-    progress("case " + std::to_string(done) + " of " + std::to_string(of), double(done) / of);
+    progress.tell("case " + std::to_string(done) + " of " + std::to_string(of), double(done) / of);
   };
   std::optional<TemporaryFolder> temporary;
   if (options.folder.empty()) options.folder = temporary.emplace().path();
   BlindReport report;
-  report.cases = run_blind(job.nominal, options);
+  report.cases = run_blind(job.nominal, options, context.stop);
+  context.check();
   report.score = score(report.cases);
   report.options = job.options;
-  context.check();
   return report;
 }
 

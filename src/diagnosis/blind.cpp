@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "diagnosis/stoppable_blind.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/statistics.hpp"
@@ -178,6 +179,11 @@ std::string case_name(int index) {
 }  // namespace
 
 std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& options) {
+  return run_blind(nominal, options, nullptr);
+}
+
+std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& options,
+                                 const std::atomic<bool>* stop) {
   namespace fs = std::filesystem;
   const fs::path logs = fs::path(options.folder) / "logs", sealed = fs::path(options.folder) / "sealed";
   std::error_code error;
@@ -189,6 +195,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
   std::mutex mutex;
   int done = 0;
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) {
+    if (stop != nullptr && *stop) return;
     BlindCase& here = cases[k];
     const std::string name = case_name(static_cast<int>(k));
     const fs::path folder = logs / name;
