@@ -17,6 +17,7 @@ namespace {
 const std::map<std::string, BlindKind> kinds = {{"clean", BlindKind::clean},
                                                 {"nominal", BlindKind::nominal},
                                                 {"weak", BlindKind::weak},
+                                                {"vendor", BlindKind::vendor},
                                                 {"mixed", BlindKind::mixed}};
 
 struct Arguments {
@@ -42,10 +43,11 @@ nlohmann::json case_json(const BlindCase& c) {
                      {"probability", e.probability},
                      {"aliases", e.aliases}});
   }
-  return {{"truth", truth},       {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
-          {"found", found},       {"p_value", c.p_value},         {"explained", c.explained},
-          {"shrink", c.shrink},   {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
-          {"seconds", c.seconds}, {"failure", c.failure}};
+  return {{"truth", truth},          {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
+          {"found", found},          {"p_value", c.p_value},         {"explained", c.explained},
+          {"shrink", c.shrink},      {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
+          {"seconds", c.seconds},    {"failure", c.failure},         {"drawn", c.drawn},
+          {"shares", c.truth_shares}};
 }
 
 void run(const Arguments& a) {
@@ -92,6 +94,7 @@ void run(const Arguments& a) {
                            {"shrink", s.shrink},
                            {"shrink_of_true", s.shrink_of_true},
                            {"confusion", s.confusion}};
+  for (const auto& [key, value] : further_figures(s)) result[key] = value;
   result["list"] = nlohmann::json::array();
   for (const BlindCase& c : cases) result["list"].push_back(case_json(c));
   if (!a.calibration.empty()) {
@@ -133,10 +136,11 @@ void add_blind(CLI::App& app, int& status) {
   command
       ->add_option(
           "--kind", a->options.kind,
-          "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x; mixed: "
-          "each in turn")
+          "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x; vendor: no "
+          "friction, no rotors, inertials off by 5 and 10 %; mixed: the first three in turn")
       ->transform(CLI::CheckedTransformer(kinds))
       ->type_name("KIND");
+  command->add_flag("--family", a->options.family, "An arm, a motion and a rate of its own for each case");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");
   command
