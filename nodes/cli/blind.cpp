@@ -49,10 +49,11 @@ void add_blind(CLI::App& app, int& status) {
   command
       ->add_option(
           "--kind", a->options.kind,
-          "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x; mixed: "
-          "each in turn")
+          "clean; nominal: parameters off by 2 %, coloured noise, jitter; weak: effects at 0.3 x; vendor: no "
+          "friction, no rotors, inertials off by 5 and 10 %; mixed: the first three in turn")
       ->transform(CLI::CheckedTransformer(blind_kinds()))
       ->type_name("KIND");
+  command->add_flag("--family", a->options.family, "An arm, a motion and a rate of its own for each case");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");
   command

@@ -21,7 +21,8 @@ nlohmann::json case_json(const BlindCase& c) {
   return {{"truth", truth},       {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
           {"found", found},       {"p_value", c.p_value},         {"explained", c.explained},
           {"shrink", c.shrink},   {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
-          {"seconds", c.seconds}, {"failure", c.failure}};
+          {"seconds", c.seconds}, {"failure", c.failure},         {"drawn", c.drawn},
+          {"shares", c.truth_shares}};
 }
 
 }  // namespace
@@ -49,6 +50,7 @@ nlohmann::json to_json(const BlindReport& report) {
                            {"shrink", s.shrink},
                            {"shrink_of_true", s.shrink_of_true},
                            {"confusion", s.confusion}};
+  for (const auto& [key, value] : further_figures(s)) result[key] = value;
   result["list"] = nlohmann::json::array();
   for (const BlindCase& c : report.cases) result["list"].push_back(case_json(c));
   return result;

@@ -37,6 +37,7 @@ const Choices<BlindKind>& blind_kinds() {
   static const Choices<BlindKind> choices = {{"clean", BlindKind::clean},
                                              {"nominal", BlindKind::nominal},
                                              {"weak", BlindKind::weak},
+                                             {"vendor", BlindKind::vendor},
                                              {"mixed", BlindKind::mixed}};
   return choices;
 }

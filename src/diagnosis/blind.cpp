@@ -16,7 +16,10 @@
 #include "dynid/base/statistics.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/family.hpp"
+#include "dynid/simulation/measurement.hpp"
 #include "dynid/simulation/perturbed.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
@@ -42,12 +45,86 @@ struct Draw {
   unsigned long seed = 0;
 };
 
+/// What a case is played on.
+struct Stage {
+  Robot robot;    ///< the true one, but for its effects and the spread of `nominal`
+  Robot nominal;  ///< that the diagnosis is given
+  FamilyRun run;
+  bool family = false, vendor = false;
+  std::vector<Effect> missing;  ///< of a vendor's model: friction and rotor inertia, as effects
+};
+
 BlindKind kind_of(const BlindOptions& options, int index) {
   constexpr BlindKind turns[] = {BlindKind::clean, BlindKind::nominal, BlindKind::weak};
   return options.kind == BlindKind::mixed ? turns[index % 3] : options.kind;
 }
 
-Draw draw_case(const Robot& robot, const BlindOptions& options, int index, int attempt) {
+/// What a vendor's model lacks of the robot, as effects of all its joints.
+std::vector<Effect> lacking(const Robot& robot) {
+  std::vector<Effect> effects = {
+      {"viscous_friction", {}, {}}, {"coulomb_friction", {}, {}}, {"rotor_inertia", {}, {}}};
+  std::vector<double> viscous, coulomb, rotor;
+  for (int j = 0; j < robot.size(); ++j) {
+    const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+    viscous.push_back(joint.friction.linear.viscous);
+    coulomb.push_back(joint.friction.linear.coulomb);
+    rotor.push_back(joint.rotor_inertia);
+    for (Effect& e : effects) e.joints.push_back(j + 1);
+  }
+  effects[0].parameters["coefficient"] = viscous;
+  effects[1].parameters["coefficient"] = coulomb;
+  effects[2].parameters["armature"] = rotor;
+  effects.erase(std::remove_if(effects.begin(), effects.end(),
+                               [](const Effect& e) {
+                                 const std::vector<double>& x = e.parameters.begin()->second;
+                                 return *std::max_element(x.begin(), x.end()) <= 0.0;
+                               }),
+                effects.end());
+  return effects;
+}
+
+/// Drives with linear friction and rotors, in the robot's own sizes, where its model has none or another law.
+void give_drives(Robot& robot, std::mt19937_64& random) {
+  const std::vector<JointScale> scales = joint_scales(robot);
+  const Eigen::VectorXd range = torque_ranges(robot);
+  std::uniform_real_distribution<double> part(0.01, 0.04), rotor(0.1, 0.6);
+  for (std::size_t j = 0; j < scales.size(); ++j) {
+    Joint& joint = robot.joints[j];
+    const double own = range[static_cast<Eigen::Index>(j)];
+    joint.friction = {};
+    joint.friction.linear.coulomb = part(random) * own;
+    joint.friction.linear.viscous = part(random) * own / scales[j].speed;
+    joint.friction.linear.velocity_scale = 2e-3 * scales[j].speed;
+    joint.rotor_inertia = rotor(random) * scales[j].inertia;
+  }
+}
+
+Stage stage_of(const Robot& nominal, const BlindOptions& options, int index, int attempt) {
+  Stage stage;
+  std::seed_seq sequence{options.seed, static_cast<unsigned long>(index), static_cast<unsigned long>(attempt),
+                         0x7374616765UL};
+  std::mt19937_64 random(sequence);
+  stage.family = options.family;
+  stage.vendor = kind_of(options, index) == BlindKind::vendor;
+  stage.robot = nominal;
+  stage.run.rate = options.rate;
+  stage.run.duration = options.duration;
+  if (options.family) {
+    stage.robot = random_family_robot(random());
+    stage.run = random_family_run(random());
+  }
+  if (stage.vendor && lacking(stage.robot).size() < 2) give_drives(stage.robot, random);
+  stage.nominal = stage.robot;
+  if (stage.vendor) {
+    stage.nominal = as_a_vendor_says(stage.robot, index % 2 == 0 ? 0.05 : 0.10, random());
+    stage.missing = lacking(stage.robot);
+  }
+  return stage;
+}
+
+Draw draw_case(const Stage& stage, const BlindOptions& options, int index, int attempt) {
+  const Robot& robot = stage.robot;
+  const double duration = stage.run.duration;
   std::seed_seq sequence{options.seed, static_cast<unsigned long>(index),
                          static_cast<unsigned long>(attempt)};
   std::mt19937_64 random(sequence);
@@ -55,9 +132,33 @@ Draw draw_case(const Robot& robot, const BlindOptions& options, int index, int a
   const double strength = kind_of(options, index) == BlindKind::weak ? 0.3 : 1.0;
   const auto& catalogue = effect_schemas();
   const auto any = [&] { return catalogue[random() % catalogue.size()].name; };
+  const auto drawn = [&](const std::string& name) {
+    const unsigned long seed = random();
+    return stage.family ? draw_family_effect(name, robot, seed, strength, duration)
+                        : draw_effect(name, robot, seed, strength, duration);
+  };
+  const auto add_another = [&](Draw& draw) {
+    std::string name = any();
+    while (std::any_of(draw.effects.begin(), draw.effects.end(),
+                       [&](const Effect& e) { return e.name == name; }))
+      name = any();
+    draw.effects.push_back(drawn(name));
+  };
   Draw draw;
   draw.seed = random();
   const double which = uniform(random);
+  if (stage.vendor) {  // what it lacks is there anyhow
+    if (which < 0.5) return draw;
+    const auto within = [&](const char* name) {
+      return std::any_of(stage.missing.begin(), stage.missing.end(),
+                         [&](const Effect& e) { return e.name == name; });
+    };
+    do {
+      draw.effects.clear();
+      add_another(draw);
+    } while (within(draw.effects[0].name.c_str()) || draw.effects[0].name == "link_inertial_error");
+    return draw;
+  }
   if (which < 0.12) return draw;  // no gap
   if (which < 0.19) {
     draw.unknown = unknown_kinds[random() % 3];
@@ -66,25 +167,32 @@ Draw draw_case(const Robot& robot, const BlindOptions& options, int index, int a
       draw.unknown_joints.push_back(static_cast<int>(random() % static_cast<unsigned long>(n)));
     draw.unknown_size = strength * (0.8 + 1.2 * uniform(random));
     draw.unknown_rate = 3.0 + 5.0 * uniform(random);
+    if (stage.family) {  // of the largest joint of each type, so that it is seen on every one
+      const std::vector<JointScale> scales = joint_scales(robot);
+      draw.unknown_rate *= scales[static_cast<std::size_t>(draw.unknown_joints[0])].duration() > 0.0
+                               ? 2.0 / scales[static_cast<std::size_t>(draw.unknown_joints[0])].duration()
+                               : 1.0;
+      draw.unknown_rate = std::min(draw.unknown_rate, 0.3 * stage.run.rate);
+    }
     return draw;
   }
   if (which < 0.25) {
     draw.withheld = {without_twin[random() % std::size(without_twin)]};
-    draw.effects.push_back(draw_effect(draw.withheld[0], robot, random(), strength, options.duration));
+    draw.effects.push_back(drawn(draw.withheld[0]));
     return draw;
   }
   const std::string first = any();
-  draw.effects.push_back(draw_effect(first, robot, random(), strength, options.duration));
-  if (which < 0.40) {
-    std::string second = any();
-    while (second == first) second = any();
-    draw.effects.push_back(draw_effect(second, robot, random(), strength, options.duration));
+  draw.effects.push_back(drawn(first));
+  if (which < 0.40) add_another(draw);
+  if (stage.family && which < 0.58) {
+    if (which >= 0.40) add_another(draw);
+    if (which >= 0.46) add_another(draw);
   }
   return draw;
 }
 
 /// Torque of an effect that no library has: N x n.
-Eigen::MatrixXd torque_of_unknown(const Draw& draw, const Log& log, unsigned long seed) {
+Eigen::MatrixXd torque_of_unknown(const Stage& stage, const Draw& draw, const Log& log, unsigned long seed) {
   Eigen::MatrixXd tau = Eigen::MatrixXd::Zero(log.samples(), log.joints());
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
@@ -105,17 +213,27 @@ Eigen::MatrixXd torque_of_unknown(const Draw& draw, const Log& log, unsigned lon
       }
     }
   }
+  if (stage.family) {  // what was written for an arm of 57 N m, in multiples of the joint's own range
+    const Eigen::VectorXd range = torque_ranges(stage.robot);
+    for (Eigen::Index j = 0; j < tau.cols(); ++j) tau.col(j) *= range[j] / 57.0;
+    if (draw.unknown == "unknown_product") {
+      const std::vector<JointScale> scales = joint_scales(stage.robot);
+      for (const int j : draw.unknown_joints)
+        tau.col(j) *= 2.0 / scales[static_cast<std::size_t>((j + 2) % log.joints())].speed;
+    }
+  }
   return tau;
 }
 
-SimulateOptions plant_options(const BlindOptions& options, BlindKind kind, unsigned long seed) {
+SimulateOptions plant_options(const Stage& stage, BlindKind kind, unsigned long seed) {
   SimulateOptions plant;
   plant.measurement = MeasurementOptions::realistic();
-  plant.rate = options.rate;
+  plant.rate = stage.run.rate;
+  plant.control_rate = stage.run.control_rate;
   plant.seed = seed;
-  plant.record_torques = false;
-  if (kind == BlindKind::nominal) {
-    plant.spread = 0.02;
+  plant.record_torques = stage.family;
+  if (kind == BlindKind::nominal || kind == BlindKind::vendor) {
+    plant.spread = kind == BlindKind::vendor ? 0.0 : 0.02;  // a vendor's model has its own
   } else {
     plant.measurement.correlated_noise = 0.0;
     plant.measurement.stamp_jitter = 0.0;
@@ -125,9 +243,12 @@ SimulateOptions plant_options(const BlindOptions& options, BlindKind kind, unsig
 }
 
 /// The truth in the words of the diagnosis: a payload's centre of mass in the last link's frame.
-nlohmann::json label_json(const Robot& robot, const Draw& draw) {
+nlohmann::json label_json(const Stage& stage, const Draw& draw, const std::vector<double>& shares) {
+  const Robot& robot = stage.robot;
   nlohmann::json label = nlohmann::json::array();
-  for (Effect e : draw.effects) {
+  std::vector<Effect> all = draw.effects;
+  all.insert(all.end(), stage.missing.begin(), stage.missing.end());
+  for (Effect e : all) {
     if (e.name == "payload") {
       std::vector<double>& com = e.parameters.at("com");
       const Eigen::Vector3d there = robot.tip * Eigen::Vector3d(com[0], com[1], com[2]);
@@ -142,28 +263,64 @@ nlohmann::json label_json(const Robot& robot, const Draw& draw) {
     joints.erase(std::unique(joints.begin(), joints.end()), joints.end());
     label.push_back({{"name", draw.unknown}, {"joints", joints}, {"parameters", nlohmann::json::object()}});
   }
+  for (std::size_t k = 0; k < label.size() && k < shares.size(); ++k) label[k]["share"] = shares[k];
   return label;
 }
 
-/// The two logs of a case: one robot, two motions.
-void record(const Robot& nominal, const BlindOptions& options, BlindKind kind, const Draw& draw,
-            const std::string& folder) {
-  std::filesystem::create_directories(folder);
-  for (int l = 0; l < 2; ++l) {
-    const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
-    SimulateOptions plant = plant_options(options, kind, seed);
-    const Robot robot = perturbed(nominal, plant.spread, draw.seed);
-    plant.spread = 0.0;
-    SimulatedRun run = simulate(robot, draw.effects, random_motion(nominal, options.duration, seed), plant);
-    if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(draw, run.log, seed);
-    write_log(folder + (l == 0 ? "/log_a.csv" : "/log_b.csv"), run.log);
+/// Energy that each effect of the case has in a log, joints scaled by their torque ranges.
+void add_energies(const Stage& stage, const Draw& draw, const SimulatedRun& run,
+                  std::vector<double>& energies) {
+  const Eigen::VectorXd weight = torque_ranges(stage.robot).cwiseInverse();
+  const auto n = static_cast<std::size_t>(stage.robot.size());
+  energies.resize(draw.effects.size() + stage.missing.size(), 0.0);
+  for (std::size_t k = 0; k < draw.effects.size(); ++k)
+    energies[k] += (run.injected[k] * weight.asDiagonal()).squaredNorm();
+  for (std::size_t m = 0; m < stage.missing.size(); ++m) {
+    const Effect& e = stage.missing[m];
+    const std::vector<double>& x = e.parameters.begin()->second;
+    for (std::size_t j = 0; j < n; ++j) {
+      const auto column = static_cast<Eigen::Index>(j);
+      const double width = std::max(stage.robot.joints[j].friction.linear.velocity_scale, 1e-12);
+      Eigen::ArrayXd torque =
+          e.name == "rotor_inertia" ? run.seen_ddq.col(column).array() : run.seen_dq.col(column).array();
+      if (e.name == "coulomb_friction") torque = (torque / width).tanh();
+      energies[draw.effects.size() + m] += (x[j] * weight[column] * torque).square().sum();
+    }
   }
 }
 
+/// The logs of a case: one robot, two motions (in the family one or two). Returns the effects' shares.
+std::vector<double> record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder) {
+  std::filesystem::create_directories(folder);
+  std::vector<double> energies;
+  for (int l = 0; l < stage.run.logs; ++l) {
+    const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
+    SimulateOptions plant = plant_options(stage, kind, seed);
+    const Robot robot = perturbed(stage.robot, plant.spread, draw.seed);
+    plant.spread = 0.0;
+    const Trajectory motion = stage.family ? family_motion(stage.robot, stage.run, seed)
+                                           : random_motion(stage.robot, stage.run.duration, seed);
+    SimulatedRun run = simulate(robot, draw.effects, motion, plant);
+    if (plant.record_torques) add_energies(stage, draw, run, energies);
+    if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(stage, draw, run.log, seed);
+    write_log(folder + (l == 0 ? "/log_a.csv" : "/log_b.csv"), run.log);
+  }
+  double sum = 0.0;
+  for (const double e : energies) sum += e;
+  for (double& e : energies) e = sum > 0.0 ? e / sum : 0.0;
+  return energies;
+}
+
+const char* name_of(FamilyMotion motion) {
+  return motion == FamilyMotion::exciting ? "exciting"
+         : motion == FamilyMotion::slow   ? "slow"
+                                          : "pick_and_place";
+}
+
 /// The library without the effects that were put in; nothing where they are not all of it.
-std::vector<std::string> all_but(const Draw& draw) {
+std::vector<std::string> all_but(const Stage& stage, const Draw& draw) {
   std::vector<std::string> others;
-  if (draw.effects.empty() || !draw.withheld.empty()) return others;
+  if (draw.effects.empty() || !draw.withheld.empty() || stage.vendor) return others;
   for (const auto& h : hypotheses())
     if (std::none_of(draw.effects.begin(), draw.effects.end(),
                      [&](const Effect& e) { return e.name == h->name(); }))
@@ -201,14 +358,29 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
     const fs::path folder = logs / name;
     try {
       std::vector<std::string> withhold, others;
+      Robot model;
+      int logs_of_case = 0;
       for (int attempt = 0; attempt < draws_of_a_case; ++attempt) {
         try {
           // The draw is forgotten before the diagnosis begins; the label goes to the sealed folder.
-          const Draw draw = draw_case(nominal, options, static_cast<int>(k), attempt);
-          record(nominal, options, kind_of(options, static_cast<int>(k)), draw, folder.string());
-          write_file((sealed / (name + ".json")).string(), label_json(nominal, draw).dump(1) + "\n");
+          const Stage stage = stage_of(nominal, options, static_cast<int>(k), attempt);
+          const Draw draw = draw_case(stage, options, static_cast<int>(k), attempt);
+          const std::vector<double> shares =
+              record(stage, kind_of(options, static_cast<int>(k)), draw, folder.string());
+          write_file((sealed / (name + ".json")).string(), label_json(stage, draw, shares).dump(1) + "\n");
           withhold = draw.withheld;
-          others = all_but(draw);
+          others = all_but(stage, draw);
+          model = stage.nominal;
+          logs_of_case = stage.run.logs;
+          here.vendor = stage.vendor;
+          if (stage.vendor) here.background = {"link_inertial_error"};
+          if (stage.family)
+            here.drawn = {{"robot", stage.robot.name},
+                          {"joints", std::to_string(stage.robot.size())},
+                          {"motion", name_of(stage.run.motion)},
+                          {"rate", std::to_string(stage.run.rate)},
+                          {"duration", std::to_string(stage.run.duration)},
+                          {"logs", std::to_string(stage.run.logs)}};
           break;
         } catch (const Error&) {
           if (attempt + 1 == draws_of_a_case) throw;
@@ -218,9 +390,9 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       diagnose_options.withhold.insert(diagnose_options.withhold.end(), withhold.begin(), withhold.end());
       diagnose_options.progress = nullptr;
       diagnose_options.replay = false;
-      const std::vector<Log> pair = {read_log((folder / "log_a.csv").string(), nominal.size()),
-                                     read_log((folder / "log_b.csv").string(), nominal.size())};
-      const Diagnosis d = diagnose(nominal, pair, diagnose_options);
+      std::vector<Log> pair = {read_log((folder / "log_a.csv").string(), model.size())};
+      if (logs_of_case > 1) pair.push_back(read_log((folder / "log_b.csv").string(), model.size()));
+      const Diagnosis d = diagnose(model, pair, diagnose_options);
       here.withheld = withhold;
       here.verdict = d.verdict;
       here.p_value = d.p_value;
@@ -232,7 +404,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       here.seconds = d.seconds;
       if (!others.empty()) {  // what could have been had, now that the diagnosis is done
         diagnose_options.withhold = others;
-        here.true_shrink = diagnose(nominal, pair, diagnose_options).shrink.fraction;
+        here.true_shrink = diagnose(model, pair, diagnose_options).shrink.fraction;
       }
     } catch (const std::exception& failure) {
       here.failure = failure.what();
@@ -245,8 +417,10 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
   for (std::size_t k = 0; k < count; ++k) {
     const std::string path = (sealed / (case_name(static_cast<int>(k)) + ".json")).string();
     if (!fs::exists(path)) continue;
-    for (const nlohmann::json& e : nlohmann::json::parse(read_file(path)))
+    for (const nlohmann::json& e : nlohmann::json::parse(read_file(path))) {
       cases[k].truth.push_back({e["name"], e["joints"], e["parameters"]});
+      cases[k].truth_shares.push_back(e.value("share", 0.0));
+    }
   }
   return cases;
 }
@@ -301,10 +475,91 @@ std::vector<ComparedInterval> compared_intervals(const BlindCase& c) {
   return out;
 }
 
+namespace {
+
+bool names(const BlindCase& c, const std::string& name) {
+  return std::any_of(c.found.begin(), c.found.end(),
+                     [&](const FoundEffect& f) { return f.effect.name == name; });
+}
+
+bool is_there(const BlindCase& c, const std::string& name) {
+  return std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& e) { return e.name == name; }) ||
+         std::find(c.background.begin(), c.background.end(), name) != c.background.end();
+}
+
+/// Counts every effect named; whether one was at 0.9 or more.
+bool score_all_named(const BlindCase& c, BlindScore& s, std::vector<double>& sums,
+                     std::vector<double>& right) {
+  bool confident = false;
+  for (const FoundEffect& f : c.found) {
+    const bool there = is_there(c, f.effect.name);
+    ++s.named;
+    const auto bin = static_cast<std::size_t>(std::clamp(f.probability * 10.0, 0.0, 9.0));
+    sums[bin] += f.probability;
+    right[bin] += there ? 1.0 : 0.0;
+    if (f.probability >= 0.9) {
+      confident = true;
+      ++s.named_confident;
+      if (!there) ++s.confident_not_there;
+    } else if (f.probability >= 0.5) {
+      ++s.named_likely;
+      s.likely_claimed += f.probability;
+      if (!there) ++s.likely_not_there;
+    }
+  }
+  return confident;
+}
+
+void score_vendor(const BlindCase& c, BlindScore& s, std::vector<double>& friction_errors) {
+  for (std::size_t k = 0; k < c.truth.size(); ++k) {
+    const Effect& e = c.truth[k];
+    const bool friction = e.name == "viscous_friction" || e.name == "coulomb_friction";
+    const bool main = friction || e.name == "rotor_inertia";
+    if (k < c.truth_shares.size() && c.truth_shares[k] >= (main ? 0.02 : 0.03)) {
+      ++(main ? s.vendor_main : s.vendor_further);
+      if (names(c, e.name)) ++(main ? s.vendor_main_named : s.vendor_further_named);
+    }
+    if (!friction) continue;
+    for (const FoundEffect& f : c.found) {
+      const auto found = f.effect.parameters.find("coefficient");
+      if (f.effect.name != e.name || found == f.effect.parameters.end()) continue;
+      const std::vector<double>& truth = e.parameters.at("coefficient");
+      for (const int joint : f.effect.joints) {
+        const auto j = static_cast<std::size_t>(joint - 1);
+        if (j < truth.size() && j < found->second.size() && truth[j] > 0.0)
+          friction_errors.push_back(std::abs(found->second[j] / truth[j] - 1.0));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::map<std::string, double> further_figures(const BlindScore& s) {
+  return {{"named", s.named},
+          {"named_confident", s.named_confident},
+          {"confident_not_there", s.confident_not_there},
+          {"named_likely", s.named_likely},
+          {"likely_not_there", s.likely_not_there},
+          {"likely_claimed", s.likely_claimed},
+          {"calibration_error_all", s.calibration_error_all},
+          {"clean_verdicts", s.clean_verdicts},
+          {"healthy_confident", s.healthy_confident},
+          {"unknown_confident", s.unknown_confident},
+          {"triples", s.triples},
+          {"all_three_found", s.all_three_found},
+          {"known_unexplained", s.known_unexplained},
+          {"vendor_main", s.vendor_main},
+          {"vendor_main_named", s.vendor_main_named},
+          {"vendor_further", s.vendor_further},
+          {"vendor_further_named", s.vendor_further_named},
+          {"vendor_friction_error", s.vendor_friction_error}};
+}
+
 BlindScore score(const std::vector<BlindCase>& cases) {
   BlindScore s;
-  std::vector<double> errors, shrinks, ratios;
-  std::vector<double> bin_sum(10, 0.0), bin_right(10, 0.0);
+  std::vector<double> errors, shrinks, ratios, friction_errors;
+  std::vector<double> bin_sum(10, 0.0), bin_right(10, 0.0), all_sum(10, 0.0), all_right(10, 0.0);
   int judged = 0;
   for (const BlindCase& c : cases) {
     if (!c.failure.empty()) {
@@ -312,10 +567,14 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       continue;
     }
     ++s.cases;
+    const bool confident = score_all_named(c, s, all_sum, all_right);
+    if (c.vendor) score_vendor(c, s, friction_errors);
     const FoundEffect* first = c.found.empty() ? nullptr : &c.found.front();
     const std::string named = first == nullptr ? to_string(c.verdict) : first->effect.name;
     if (c.truth.empty()) {
       ++s.no_gap;
+      if (c.verdict == Verdict::no_gap || c.verdict == Verdict::not_detected) ++s.clean_verdicts;
+      if (confident) ++s.healthy_confident;
       ++s.confusion["(no gap)"][named];
       if (first != nullptr) {
         ++s.false_alarms;
@@ -326,6 +585,7 @@ BlindScore score(const std::vector<BlindCase>& cases) {
     const bool beyond = c.truth[0].name.rfind("unknown", 0) == 0 || !c.withheld.empty();
     if (beyond) {
       ++s.unknown;
+      if (confident) ++s.unknown_confident;
       ++s.confusion["(" + (c.withheld.empty() ? c.truth[0].name : "withheld " + c.truth[0].name) + ")"]
                    [named];
       if (c.verdict == Verdict::unexplained) ++s.abstained;
@@ -333,6 +593,7 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       continue;
     }
     ++s.known;
+    if (c.verdict == Verdict::unexplained) ++s.known_unexplained;
     const auto is_true = [&](const std::string& name) {
       return std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& e) { return e.name == name; });
     };
@@ -345,15 +606,11 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       for (const std::string& alias : first->aliases) in_class = in_class || is_true(alias);
     s.first_right += right ? 1 : 0;
     s.class_right += in_class ? 1 : 0;
-    if (c.truth.size() > 1) {
-      ++s.pairs;
-      int found = 0;
-      for (const Effect& e : c.truth)
-        found += std::any_of(c.found.begin(), c.found.end(),
-                             [&](const FoundEffect& f) { return f.effect.name == e.name; })
-                     ? 1
-                     : 0;
-      if (found == 2) ++s.both_found;
+    if (c.truth.size() > 1 && !c.vendor) {
+      std::size_t found = 0;
+      for (const Effect& e : c.truth) found += names(c, e.name) ? 1 : 0;
+      (c.truth.size() == 2 ? s.pairs : s.triples) += 1;
+      if (found == c.truth.size()) ++(c.truth.size() == 2 ? s.both_found : s.all_three_found);
     }
     if (first != nullptr) {
       ++judged;
@@ -374,6 +631,9 @@ BlindScore score(const std::vector<BlindCase>& cases) {
   s.parameter_error = median(errors);
   s.shrink = median(shrinks);
   s.shrink_of_true = median(ratios);
+  s.vendor_friction_error = median(friction_errors);
+  for (std::size_t b = 0; b < 10; ++b)
+    if (s.named > 0) s.calibration_error_all += std::abs(all_right[b] - all_sum[b]) / s.named;
   for (std::size_t b = 0; b < 10; ++b)
     if (judged > 0) s.calibration_error += std::abs(bin_right[b] - bin_sum[b]) / judged;
   return s;

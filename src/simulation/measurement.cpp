@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/simulation/measurement.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
 #include "dynid/base/error.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 
 namespace dynid {
 
@@ -12,11 +14,41 @@ MeasurementOptions MeasurementOptions::realistic(double noise) {
   MeasurementOptions options;
   options.encoder_resolution = 2.0 * M_PI / 1048576.0;
   options.velocity_cutoff = 100.0;
-  options.white_noise = 0.05 * noise;
-  options.correlated_noise = 0.03 * noise;
+  options.white_noise = noise / 1740.0;
+  options.correlated_noise = noise / 2900.0;
   options.stamp_jitter = 5e-5;
   options.repeat_probability = 0.005;
   return options;
+}
+
+Eigen::VectorXd torque_ranges(const Robot& robot) {
+  constexpr double rated = 3.0, believed = 10.0;  // times what is carried
+  const std::vector<JointScale> scales = joint_scales(robot);
+  const int n = robot.size();
+  Eigen::VectorXd range(n);
+  for (const bool slides : {false, true}) {
+    double limit = 0.0, carried = 0.0;
+    for (int j = 0; j < n; ++j) {
+      const JointScale& s = scales[static_cast<std::size_t>(j)];
+      if ((s.type == JointType::prismatic) != slides) continue;
+      const double own = robot.joints[static_cast<std::size_t>(j)].limits.torque;
+      if (std::isfinite(own)) limit = std::max(limit, own);
+      carried = std::max(carried, s.torque);
+    }
+    const double factor = limit > believed * carried ? rated * carried / limit : 1.0;
+    double largest = 0.0;
+    for (int j = 0; j < n; ++j) {
+      const JointScale& s = scales[static_cast<std::size_t>(j)];
+      if ((s.type == JointType::prismatic) != slides) continue;
+      const double own = robot.joints[static_cast<std::size_t>(j)].limits.torque;
+      range[j] = std::isfinite(own) ? factor * own : rated * s.torque;
+      largest = std::max(largest, range[j]);
+    }
+    for (int j = 0; j < n; ++j)
+      if ((scales[static_cast<std::size_t>(j)].type == JointType::prismatic) == slides)
+        range[j] = std::sqrt(range[j] * largest);
+  }
+  return range;
 }
 
 Measurement::Measurement(const Robot& robot, const MeasurementOptions& options, unsigned long seed)
@@ -33,20 +65,20 @@ Measurement::Measurement(const Robot& robot, const MeasurementOptions& options, 
       throw Error(std::string("measurement: ") + name + " must not be negative");
   if (!(options.correlation_time > 0.0)) throw Error("measurement: correlation_time must be positive");
   if (!(options.repeat_probability < 1.0)) throw Error("measurement: repeat_probability must be below 1");
-  constexpr double reference_torque = 87.0;  // [N m], of the joint that the options speak of
   const int n = robot.size();
-  scale_.setOnes(n);
-  for (int j = 0; j < n; ++j) {
-    const double limit = robot.joints[static_cast<std::size_t>(j)].limits.torque;
-    if (std::isfinite(limit)) scale_[j] = std::sqrt(limit / reference_torque);
-  }
+  scale_ = torque_ranges(robot);
+  quantum_.setConstant(n, options.encoder_resolution);
+  const std::vector<JointScale> scales = joint_scales(robot);
+  for (int j = 0; j < n; ++j)
+    if (const JointScale& s = scales[static_cast<std::size_t>(j)]; s.type == JointType::prismatic)
+      quantum_[j] *= s.travel / (2.0 * M_PI);
   for (Eigen::VectorXd* v : {&q_, &dq_, &tau_, &slow_}) v->setZero(n);
   std::seed_seq sequence{seed, 0x6d65617375UL};
   random_.seed(sequence);
 }
 
-double Measurement::quantised(double q) const noexcept {
-  const double quantum = options_.encoder_resolution;
+double Measurement::quantised(Eigen::Index joint, double q) const noexcept {
+  const double quantum = quantum_[joint];
   return quantum > 0.0 ? std::nearbyint(q / quantum) * quantum : q;
 }
 
@@ -65,7 +97,7 @@ void Measurement::measure_torque(const Eigen::VectorXd& tau, double forgetting) 
 
 void Measurement::reset(const Eigen::VectorXd& q, const Eigen::VectorXd& dq, const Eigen::VectorXd& tau) {
   slow_.setZero();
-  for (Eigen::Index j = 0; j < q.size(); ++j) q_[j] = quantised(q[j]);
+  for (Eigen::Index j = 0; j < q.size(); ++j) q_[j] = quantised(j, q[j]);
   dq_ = dq;
   measure_torque(tau, 0.0);
 }
@@ -75,7 +107,7 @@ void Measurement::update(const Eigen::VectorXd& q, const Eigen::VectorXd& dq, co
   const double passed =
       options_.velocity_cutoff > 0.0 ? -std::expm1(-2.0 * M_PI * options_.velocity_cutoff * dt) : 1.0;
   for (Eigen::Index j = 0; j < q.size(); ++j) {
-    const double now = quantised(q[j]);
+    const double now = quantised(j, q[j]);
     if (options_.velocity_cutoff > 0.0) {
       dq_[j] += passed * ((now - q_[j]) / dt - dq_[j]);
     } else {

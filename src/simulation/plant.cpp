@@ -16,6 +16,11 @@ namespace dynid {
 using detail::EffectModel;
 using Eigen::VectorXd;
 
+namespace {
+// Steps of Runge-Kutta that cost as much as one implicit step.
+constexpr int most_explicit_steps = 8;
+}  // namespace
+
 class Plant::Impl {
  public:
   Impl(const Robot& robot, const PlantOptions& options);
@@ -44,12 +49,30 @@ class Plant::Impl {
 
   /// Torque that joint j's spring passes on.
   double spring_torque(int j, double deflection, double rate) const noexcept;
-  /// Fills tau_at_, and the accelerations of a state, at time t and under the drives' torque `drive`.
+  /// Fills tau_at_ (what the joints pass on), load_ (what takes it up but for M ddq), resisting_ (its part
+  /// that depends on the velocity as friction does) and M_ for a state at time t under the drives' torque
+  /// `drive`.
+  void balance(double t, const VectorXd& drive, const VectorXd& q, const VectorXd& dq, const VectorXd& theta,
+               const VectorXd& dtheta);
+  /// The same, and the accelerations.
   void accelerations(double t, const VectorXd& drive, const VectorXd& q, const VectorXd& dq,
                      const VectorXd& theta, const VectorXd& dtheta, Rates& rates);
   void runge_kutta(double t, double h, double at_start, double at_end);
+  /// A step of the two-stage, stiffly accurate, L-stable SDIRK method of order 2 (Alexander 1977): friction
+  /// that jumps on a light joint is solved for, not followed.
+  void implicit_step(double t, double h, double at_start, double at_end);
+  /// One stage: the velocity dq = dq_base + g ddq, with q = q_base + g dq, that balances the torques at time
+  /// t. `stage_` has the base on entry and the result on return, `rates` the accelerations.
+  void solve_stage(double t, double g, Rates& rates);
+  /// What is left of the balance at that velocity, into residual_; returns its size.
+  double residual_at(double t, double g);
+  /// Velocity of the motors that balances their springs, where there are any.
+  void balance_motors(double g);
+  struct Steps {
+    int explicit_steps, implicit_steps;
+  };
   /// Integration steps that the stiffest part of the plant needs in `h`.
-  int substeps(double h);
+  Steps substeps(double h);
   void update_mobility();
   void torque_of_drive(double part) {
     drive_ = from_ + part * (to_ - from_);
@@ -77,8 +100,9 @@ class Plant::Impl {
 
   // Scratch.
   VectorXd from_, to_, drive_, tau_at_, load_, x_, zero_, mobility_, damping_, stiffness_, near_;
-  VectorXd q1_, dq1_, theta1_, dtheta1_, a_, b_, before_;
-  Eigen::MatrixXd M_, J_, sensed_;
+  VectorXd q1_, dq1_, theta1_, dtheta1_, a_, b_, before_, resisting_, resisting_at_rest_, residual_;
+  VectorXd q_base_, dq_base_, theta_base_, dtheta_base_, tangent_, secant_, dq_now_, change_;
+  Eigen::MatrixXd M_, J_, sensed_, factors_;
   Rates k1_, k2_, k3_, k4_;
   std::vector<Eigen::Isometry3d> links_;
 };
@@ -125,16 +149,63 @@ Plant::Impl::Impl(const Robot& robot, const PlantOptions& options)
     springs_.push_back(spring);
     elastic_ = elastic_ || spring.there;
   }
-  for (VectorXd* v :
-       {&q_,         &dq_,   &ddq_, &tau_,   &theta_,  &dtheta_,  &ddtheta_, &seen_q_, &seen_dq_,  &seen_ddq_,
-        &seen_tau_,  &from_, &to_,  &drive_, &tau_at_, &load_,    &x_,       &zero_,   &mobility_, &damping_,
-        &stiffness_, &near_, &q1_,  &dq1_,   &theta1_, &dtheta1_, &a_,       &b_,      &before_})
+  for (VectorXd* v : {&q_,
+                      &dq_,
+                      &ddq_,
+                      &tau_,
+                      &theta_,
+                      &dtheta_,
+                      &ddtheta_,
+                      &seen_q_,
+                      &seen_dq_,
+                      &seen_ddq_,
+                      &seen_tau_,
+                      &from_,
+                      &to_,
+                      &drive_,
+                      &tau_at_,
+                      &load_,
+                      &x_,
+                      &zero_,
+                      &mobility_,
+                      &damping_,
+                      &stiffness_,
+                      &near_,
+                      &q1_,
+                      &dq1_,
+                      &theta1_,
+                      &dtheta1_,
+                      &a_,
+                      &b_,
+                      &before_,
+                      &resisting_,
+                      &resisting_at_rest_,
+                      &residual_,
+                      &q_base_,
+                      &dq_base_,
+                      &theta_base_,
+                      &dtheta_base_,
+                      &tangent_,
+                      &secant_,
+                      &dq_now_,
+                      &change_})
     v->setZero(n_);
   for (Rates* k : {&k1_, &k2_, &k3_, &k4_}) k->ddq.setZero(n_), k->ddtheta.setZero(n_);
   M_.setZero(n_, n_);
+  factors_.setZero(n_, n_);
   J_.setZero(6, n_);
   sensed_.setZero(n_, static_cast<Eigen::Index>(effects_.size()));
   links_.assign(static_cast<std::size_t>(n_) + 1, Eigen::Isometry3d::Identity());
+  for (int j = 0; j < n_; ++j) {  // somewhere within its travel, where no axes coincide by construction
+    const JointLimits& limits = robot.joints[static_cast<std::size_t>(j)].limits;
+    if (std::isfinite(limits.lower) && std::isfinite(limits.upper))
+      q_[j] = limits.lower + (0.3 + 0.05 * j) * (limits.upper - limits.lower);
+  }
+  update_mobility();
+  for (int j = 0; j < n_; ++j)
+    if (!(mobility_[j] > 0.0) || !std::isfinite(mobility_[j]))
+      throw Error("plant: joint " + std::to_string(j + 1) +
+                  " carries no inertia: its link needs a mass, or the joint a rotor inertia");
   reset(zero_, zero_, zero_);
 }
 
@@ -148,8 +219,8 @@ double Plant::Impl::spring_torque(int j, double deflection, double rate) const n
   return s.gap > 0.0 && torque * deflection < 0.0 ? 0.0 : torque;
 }
 
-void Plant::Impl::accelerations(double t, const VectorXd& drive, const VectorXd& q, const VectorXd& dq,
-                                const VectorXd& theta, const VectorXd& dtheta, Rates& rates) {
+void Plant::Impl::balance(double t, const VectorXd& drive, const VectorXd& q, const VectorXd& dq,
+                          const VectorXd& theta, const VectorXd& dtheta) {
   tau_at_ = drive;
   if (elastic_) {
     for (int j = 0; j < n_; ++j)
@@ -159,10 +230,11 @@ void Plant::Impl::accelerations(double t, const VectorXd& drive, const VectorXd&
   bool posing = pushed_ && tip_axes_;
   for (const EffectModel* model : acting_) posing = posing || model->needs_poses(t);
   if (posing) body_->poses(q, links_);
-  body_->inverse(q, dq, zero_, load_);
-  for (int j = 0; j < n_; ++j) load_[j] += friction_torque(friction_[static_cast<std::size_t>(j)], dq[j]);
+  for (int j = 0; j < n_; ++j) resisting_[j] = friction_torque(friction_[static_cast<std::size_t>(j)], dq[j]);
   const detail::JointView view = {t, q, dq, tau_at_, links_};
-  for (const EffectModel* model : acting_) model->add_torque(view, load_);
+  for (const EffectModel* model : acting_) model->add_torque(view, resisting_);
+  body_->inverse(q, dq, zero_, load_);
+  load_ += resisting_;
   if (pushed_) {
     Eigen::Matrix<double, 6, 1> wrench = wrench_;
     if (tip_axes_) {
@@ -175,6 +247,11 @@ void Plant::Impl::accelerations(double t, const VectorXd& drive, const VectorXd&
   }
   body_->mass(q, M_);
   M_ += inertia_;
+}
+
+void Plant::Impl::accelerations(double t, const VectorXd& drive, const VectorXd& q, const VectorXd& dq,
+                                const VectorXd& theta, const VectorXd& dtheta, Rates& rates) {
+  balance(t, drive, q, dq, theta, dtheta);
   rates.ddq = tau_at_ - load_;
   detail::solve_positive(detail::ElementMatrix<double>{M_.data(), n_}, n_, rates.ddq);
   if (!elastic_) return;
@@ -216,6 +293,127 @@ void Plant::Impl::runge_kutta(double t, double h, double at_start, double at_end
   for (EffectModel* model : acting_) model->advance(dq_, 0.5 * h);
 }
 
+void Plant::Impl::balance_motors(double g) {
+  for (int j = 0; j < n_; ++j) {
+    const Spring& s = springs_[static_cast<std::size_t>(j)];
+    if (!s.there) continue;
+    // Jm (dtheta - base) / g + torque(theta_base + g dtheta - q, dtheta - dq) = drive, increasing in dtheta:
+    // on one flank, on the other, or between.
+    const auto left = [&](double rate) {
+      return s.inertia * (rate - dtheta_base_[j]) / g - drive_[j] +
+             spring_torque(j, theta_base_[j] + g * rate - q1_[j], rate - dq1_[j]);
+    };
+    double best = dtheta_base_[j] + g * drive_[j] / s.inertia, least = std::abs(left(best));
+    for (const double side : {1.0, -1.0}) {
+      const double pressed = theta_base_[j] - q1_[j] - side * 0.5 * s.gap;
+      const double rate =
+          (s.inertia * dtheta_base_[j] / g + drive_[j] - s.stiffness * pressed + s.damping * dq1_[j]) /
+          (s.inertia / g + s.stiffness * g + s.damping);
+      if (const double size = std::abs(left(rate)); size < least) best = rate, least = size;
+    }
+    dtheta1_[j] = best;
+    theta1_[j] = theta_base_[j] + g * best;
+  }
+}
+
+double Plant::Impl::residual_at(double t, double g) {
+  q1_ = q_base_ + g * dq1_;
+  if (elastic_) balance_motors(g);
+  balance(t, drive_, q1_, dq1_, theta1_, dtheta1_);
+  change_ = (dq1_ - dq_base_) / g;
+  residual_.noalias() = M_ * change_;
+  residual_ += load_ - tau_at_;
+  return (residual_.array().square() * mobility_.array()).sum();
+}
+
+void Plant::Impl::solve_stage(double t, double g, Rates& rates) {
+  constexpr int most_iterations = 60;
+  constexpr double exact = 1e-10;  // of the torques that balance
+  // Resistance at rest, for the secants.
+  a_ = dq1_;
+  dq1_.setZero();
+  residual_at(t, g);
+  resisting_at_rest_ = resisting_;
+  dq1_ = a_;
+  double size = residual_at(t, g);
+  for (int k = 0; k < most_iterations; ++k) {
+    bool done = true;
+    for (int j = 0; j < n_; ++j)
+      done = done && std::abs(residual_[j]) <=
+                         exact * (std::abs(tau_at_[j]) + std::abs(load_[j]) +
+                                  M_(j, j) * (std::abs(change_[j]) +
+                                              1e-6 / g * (std::abs(dq1_[j]) + std::abs(dq_base_[j]))));
+    if (done) break;
+    // Slopes of the resistance: the tangent's, and the secant's from rest. With the tangent this is Newton's
+    // method, which a jump of the friction throws about; with the secant it creeps towards the solution from
+    // one side (friction is concave in the speed), whatever the jump.
+    tangent_.setZero();
+    stiffness_.setZero();
+    for (int j = 0; j < n_; ++j)
+      tangent_[j] = std::abs(friction_slope(friction_[static_cast<std::size_t>(j)], dq1_[j]));
+    for (const EffectModel* model : acting_) model->add_slopes(dq1_, tau_at_, tangent_, stiffness_);
+    for (int j = 0; j < n_; ++j) {
+      const Spring& s = springs_[static_cast<std::size_t>(j)];
+      tangent_[j] += g * stiffness_[j];
+      if (s.there) tangent_[j] += s.damping + g * s.stiffness;
+      const double secant = (resisting_[j] - resisting_at_rest_[j]) / dq1_[j];
+      secant_[j] = std::isfinite(secant) ? std::max(secant, tangent_[j]) : tangent_[j];
+    }
+    dq_now_ = dq1_;
+    before_ = residual_;
+    factors_ = M_ / g;
+    b_ = before_;
+    factors_.diagonal() += tangent_;
+    detail::solve_positive(detail::ElementMatrix<double>{factors_.data(), n_}, n_, b_);
+    dq1_ = dq_now_ - b_;
+    factors_ = M_ / g;
+    factors_.diagonal() += secant_;
+    const double newton = residual_at(t, g);
+    if (newton <= 0.25 * size) {
+      size = newton;
+      continue;
+    }
+    detail::solve_positive(detail::ElementMatrix<double>{factors_.data(), n_}, n_, before_);
+    dq1_ = dq_now_ - before_;
+    size = residual_at(t, g);
+  }
+  rates.ddq = change_;
+  if (elastic_)
+    for (int j = 0; j < n_; ++j)
+      rates.ddtheta[j] =
+          springs_[static_cast<std::size_t>(j)].there ? (dtheta1_[j] - dtheta_base_[j]) / g : change_[j];
+}
+
+void Plant::Impl::implicit_step(double t, double h, double at_start, double at_end) {
+  constexpr double gamma = 1.0 - M_SQRT1_2;
+  const double g = gamma * h;
+  for (EffectModel* model : acting_) model->advance(dq_, 0.5 * h);
+  q_base_ = q_, dq_base_ = dq_;
+  theta_base_ = theta_, dtheta_base_ = dtheta_;
+  torque_of_drive(at_start + gamma * (at_end - at_start));
+  dq1_ = dq_ + g * ddq_;
+  theta1_ = theta_, dtheta1_ = dtheta_;
+  solve_stage(t + g, g, k1_);
+  const double rest = h - g;
+  q_base_ = q_ + rest * dq1_;
+  dq_base_ = dq_ + rest * k1_.ddq;
+  if (elastic_) {
+    theta_base_ = theta_ + rest * dtheta1_;
+    dtheta_base_ = dtheta_ + rest * k1_.ddtheta;
+  }
+  torque_of_drive(at_end);
+  dq1_ += rest * k1_.ddq;
+  solve_stage(t + h, g, k4_);
+  q_ = q1_, dq_ = dq1_;
+  if (elastic_) {
+    for (int j = 0; j < n_; ++j) {
+      if (!springs_[static_cast<std::size_t>(j)].there) continue;
+      theta_[j] = theta1_[j], dtheta_[j] = dtheta1_[j];
+    }
+  }
+  for (EffectModel* model : acting_) model->advance(dq_, 0.5 * h);
+}
+
 void Plant::Impl::update_mobility() {
   body_->mass(q_, M_);
   M_ += inertia_;
@@ -237,7 +435,7 @@ void Plant::Impl::update_mobility() {
   }
 }
 
-int Plant::Impl::substeps(double h) {
+Plant::Impl::Steps Plant::Impl::substeps(double h) {
   damping_.setZero();
   stiffness_.setZero();
   // The velocity nearest to zero, where friction is steepest, that the step may see.
@@ -246,7 +444,7 @@ int Plant::Impl::substeps(double h) {
   for (int j = 0; j < n_; ++j)
     damping_[j] = std::abs(friction_slope(friction_[static_cast<std::size_t>(j)], near_[j]));
   for (const EffectModel* model : acting_) model->add_slopes(near_, tau_, damping_, stiffness_);
-  double steps = 1.0;
+  double swings = 1.0, steps = 1.0;
   for (int j = 0; j < n_; ++j) {
     double rate = damping_[j] * mobility_[j], frequency = stiffness_[j] * mobility_[j];
     const Spring& s = springs_[static_cast<std::size_t>(j)];
@@ -255,9 +453,13 @@ int Plant::Impl::substeps(double h) {
       rate += s.damping * both;
       frequency += s.stiffness * both;
     }
-    steps = std::max({steps, rate * h / 1.2, std::sqrt(frequency) * h / 0.5});
+    swings = std::max(swings, std::sqrt(frequency) * h / 0.5);
+    steps = std::max({steps, rate * h / 1.2, swings});
   }
-  return static_cast<int>(std::min(std::ceil(steps), 1000.0));
+  constexpr double most = 1000.0,
+                   most_implicit = 100.0;  // the implicit method is stable beyond, if not exact
+  return {static_cast<int>(std::min(std::ceil(steps), most)),
+          static_cast<int>(std::min(std::ceil(swings), most_implicit))};
 }
 
 void Plant::Impl::check_state() const {
@@ -278,10 +480,15 @@ void Plant::Impl::step(const VectorXd& tau_cmd, double dt) {
   const int steps = std::max(1, static_cast<int>(std::ceil(dt * options_.integration_rate - 1e-6)));
   const double h = dt / steps;
   for (int k = 0; k < steps; ++k) {
-    const int parts = substeps(h);
+    const Steps needed = substeps(h);
+    const bool stiff = needed.explicit_steps > most_explicit_steps * needed.implicit_steps;
+    const int parts = stiff ? needed.implicit_steps : needed.explicit_steps;
     for (int i = 0; i < parts; ++i) {
       const double part = 1.0 / (double(steps) * parts), at = k / double(steps) + i * part;
-      runge_kutta(t_ + at * dt, h / parts, at, at + part);
+      if (stiff)
+        implicit_step(t_ + at * dt, h / parts, at, at + part);
+      else
+        runge_kutta(t_ + at * dt, h / parts, at, at + part);
     }
     ddq_ = k4_.ddq;  // of the last stage: good enough to choose the next step
   }

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "dynid/base/error.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 
 namespace dynid {
 
@@ -37,7 +38,9 @@ Trajectory random_motion(const Robot& robot, double duration, unsigned long seed
   Eigen::ArrayXd lw = w0 * Eigen::ArrayXd::LinSpaced(L, 1.0, double(L));
   const Eigen::MatrixXd angle = motion.t * lw.matrix().transpose();
   const Eigen::MatrixXd cosine = angle.array().cos(), sine = angle.array().sin();
+  const std::vector<JointScale> scales = joint_scales(robot);
   for (int j = 0; j < n; ++j) {
+    const JointScale& typical = scales[static_cast<std::size_t>(j)];
     Eigen::ArrayXd a(L), b(L);
     for (int l = 0; l < L; ++l) a[l] = normal(random), b[l] = normal(random);
     a -= a.mean();
@@ -48,9 +51,11 @@ Trajectory random_motion(const Robot& robot, double duration, unsigned long seed
     const JointLimits& limits = robot.joints[static_cast<std::size_t>(j)].limits;
     const bool bounded = std::isfinite(limits.lower) && std::isfinite(limits.upper);
     const double centre = bounded ? 0.5 * (limits.lower + limits.upper) : 0.0;
-    const double reach = options.margin * (bounded ? 0.5 * (limits.upper - limits.lower) : 2.5);
-    const double speed = options.margin * (std::isfinite(limits.velocity) ? limits.velocity : 2.0);
-    const double rush = options.margin * (std::isfinite(limits.acceleration) ? limits.acceleration : 10.0);
+    const double reach =
+        options.margin * (bounded ? 0.5 * (limits.upper - limits.lower) : 0.4 * typical.travel);
+    const double speed = options.margin * (std::isfinite(limits.velocity) ? limits.velocity : typical.speed);
+    const double rush = options.margin * (std::isfinite(limits.acceleration) ? limits.acceleration
+                                                                             : 6.0 * typical.acceleration);
     // The position may wander about the middle as far as the swing leaves room.
     const double middle = 0.5 * (q.maxCoeff() + q.minCoeff()), swing = 0.5 * (q.maxCoeff() - q.minCoeff());
     double scale =

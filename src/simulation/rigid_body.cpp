@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "dynid/dynamics/inverse_dynamics.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
 #include "dynid/friction/friction.hpp"
@@ -49,10 +50,11 @@ std::unique_ptr<RigidBody> RigidBody::make(const Robot& robot) {
 
 std::vector<JointFriction> smooth_friction(const Robot& robot) {
   std::vector<JointFriction> friction;
-  for (const Joint& joint : robot.joints) {
-    friction.push_back(joint.friction);
-    double& scale = friction.back().linear.velocity_scale;
-    scale = std::max(scale, least_velocity_scale);
+  const std::vector<JointScale> scales = joint_scales(robot);
+  for (std::size_t j = 0; j < scales.size(); ++j) {
+    friction.push_back(robot.joints[j].friction);
+    double& width = friction.back().linear.velocity_scale;
+    width = std::max(width, least_velocity_scale * scales[j].speed);
   }
   return friction;
 }

@@ -39,8 +39,9 @@ class WholeTorque {
   std::vector<JointFriction> friction_;
 };
 
-/// Friction that jumps is smoothed over this velocity [rad/s].
-inline constexpr double least_velocity_scale = 1e-3;
+/// Friction that jumps is smoothed over this part of a joint's speed (JointScale): a joint that sticks creeps
+/// by no more.
+inline constexpr double least_velocity_scale = 1e-4;
 std::vector<JointFriction> smooth_friction(const Robot& robot);
 Eigen::VectorXd rotor_inertias(const Robot& robot);
 

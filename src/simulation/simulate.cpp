@@ -6,6 +6,7 @@
 #include <string>
 
 #include "dynid/base/error.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/perturbed.hpp"
 #include "dynid/simulation/plant.hpp"
@@ -14,7 +15,8 @@
 namespace dynid {
 namespace {
 
-constexpr double lost = 2.0;  // [rad or m] away from the motion: the controller has lost the robot
+constexpr double lost =
+    0.5;  // of the joint's travel, away from the motion: the controller has lost the robot
 
 /// Stamps that come late and rows that repeat, as over a network.
 void transmit(Log& log, const MeasurementOptions& options, unsigned long seed) {
@@ -64,6 +66,10 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
   bare.effects.clear();
   detail::WholeTorque true_torque(bare);
 
+  Eigen::VectorXd travel(n);
+  const std::vector<JointScale> scales = joint_scales(nominal);
+  for (int j = 0; j < n; ++j) travel[j] = scales[static_cast<std::size_t>(j)].travel;
+
   const double start = trajectory.t[0], duration = trajectory.t[trajectory.samples() - 1] - start;
   const auto steps = static_cast<Eigen::Index>(std::floor(duration * options.control_rate + 1e-6));
   const Eigen::Index rows = steps / every + 1;
@@ -112,7 +118,7 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
         run.model_error.row(i) -= other;
       }
       Eigen::Index worst = 0;
-      if (!((plant.seen_q() - q_d).cwiseAbs().maxCoeff(&worst) < lost))
+      if (!((plant.seen_q() - q_d).cwiseQuotient(travel).cwiseAbs().maxCoeff(&worst) < lost))
         throw Error("simulate: joint " + std::to_string(worst + 1) + " left its motion at " +
                     std::to_string(run.t[i]) + " s");
     }

@@ -32,7 +32,7 @@ Log logged(const Robot& robot, const std::vector<std::string>& effects, unsigned
   std::vector<Effect> parsed;
   for (const std::string& text : effects) parsed.push_back(parse_effect(text, robot));
   SimulateOptions options;
-  options.measurement.white_noise = 0.02;
+  options.measurement.white_noise = 0.02 / 87.0;  // 0.02 N m on a joint of 87 N m
   options.seed = seed;
   options.rate = 250.0;
   options.record_torques = false;

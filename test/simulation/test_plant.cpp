@@ -76,6 +76,91 @@ TEST(Plant, KeepsTheEnergyOfASpringInAJoint) {
   EXPECT_LT(worst, 1e-6 * 20.0);
 }
 
+TEST(Plant, EnergyGoesWhereFrictionTakesIt) {
+  // Change of energy = work of the drives - work of friction, also through standstill of light joints.
+  for (const bool jumps : {false, true}) {
+    Robot robot = test::light_wrist_scara();
+    if (!jumps)
+      for (Joint& joint : robot.joints) joint.friction.linear.velocity_scale = 0.02 * joint.limits.velocity;
+    const int n = robot.size();
+    const Model<> model(robot);
+    Workspace<> ws(model);
+    Plant plant(robot);
+    plant.reset((VectorXd(4) << 0.3, -0.4, 0.0, 0.5).finished(), VectorXd::Zero(n));
+    const auto energy = [&] {
+      return kinetic_energy(model, ws, plant.q(), plant.dq()) + potential_energy(model, ws, plant.q());
+    };
+    const auto power = [&] {  // what is put in less what friction takes
+      VectorXd left = plant.tau();
+      for (int j = 0; j < n; ++j) {
+        LinearFriction f = robot.joints[static_cast<std::size_t>(j)].friction.linear;
+        f.velocity_scale =
+            std::max(f.velocity_scale, 1e-4 * robot.joints[static_cast<std::size_t>(j)].limits.velocity);
+        left[j] -= friction_torque(f, plant.dq()[j]);
+      }
+      return left.dot(plant.dq());
+    };
+    const double start = energy();
+    double sum = 0.0, through = 0.0, worst = 0.0;
+    int reversals = 0;
+    for (int k = 0; k < 12000; ++k) {
+      const double before = power();
+      const VectorXd dq = plant.dq();
+      const double t = 0.25e-3 * k;
+      plant.step((VectorXd(4) << 8.0 * std::sin(6.0 * t), 4.0 * std::sin(9.0 * t),
+                  5.9 + 8.0 * std::sin(20.0 * t), 0.12 * std::sin(15.0 * t))
+                     .finished(),
+                 0.25e-3);
+      const double now = power();
+      sum += 0.5 * (before + now) * 0.25e-3;
+      through += 0.5 * std::abs(before + now) * 0.25e-3;
+      worst = std::max(worst, std::abs(energy() - start - sum));
+      for (int j = 0; j < n; ++j) reversals += dq[j] * plant.dq()[j] < 0.0 ? 1 : 0;
+    }
+    std::printf("  %s: %.1e of the energy that went through is not accounted for; %d reversals\n",
+                jumps ? "friction that jumps" : "smooth friction", worst / through, reversals);
+    EXPECT_GT(through, 1.0);
+    EXPECT_GT(reversals, 20);
+    EXPECT_LT(worst, 2e-3 * through);
+  }
+}
+
+TEST(Plant, SticksUntilItBreaksAway) {
+  // A joint of 1e-5 kg m^2 under 0.9 of its Coulomb friction stays where it is, and beyond it goes as Newton
+  // says.
+  Robot robot = test::light_wrist_scara();
+  robot.joints = {robot.joints.back()};
+  robot.gravity.setZero();
+  const double inertia = Model<>(robot).moments(0).xx + Model<>(robot).moments(0).yy;
+  const LinearFriction& f = robot.joints[0].friction.linear;
+  Plant plant(robot);
+  const double speed = robot.joints[0].limits.velocity;
+  for (const double from : {0.0, 0.3 * speed, -0.3 * speed}) {  // it comes to rest first
+    plant.reset(VectorXd::Zero(1), VectorXd::Constant(1, from));
+    const VectorXd held = VectorXd::Constant(1, 0.9 * f.coulomb);
+    for (int k = 0; k < 300; ++k) plant.step(held, 1e-3);
+    const double there = plant.q()[0];
+    for (int k = 0; k < 5000; ++k) {
+      plant.step(held, 1e-3);
+      ASSERT_LE(std::abs(plant.dq()[0]), 2e-4 * speed) << k;
+      ASSERT_LE(std::abs(plant.ddq()[0]) * inertia, 1e-6 * f.coulomb) << k;
+    }
+    EXPECT_LT(std::abs(plant.q()[0] - there), 5.0 * 2e-4 * speed);
+    const VectorXd pushed = VectorXd::Constant(1, 1.0001 * f.coulomb + 0.01 * f.viscous * speed);
+    for (int k = 0; k < 2000; ++k) plant.step(pushed, 1e-3);
+    const double settled = (pushed[0] - f.coulomb) / f.viscous;
+    EXPECT_NEAR(plant.dq()[0], settled, 1e-3 * settled);
+  }
+}
+
+TEST(Plant, RefusesAJointWithoutInertia) {
+  Robot robot = test::light_wrist_scara();
+  robot.joints.back().parameters.setZero();
+  EXPECT_THROW(Plant{robot}, Error);
+  robot.joints.back().rotor_inertia = 1e-6;
+  EXPECT_NO_THROW(Plant{robot});
+}
+
 TEST(Plant, WrenchOnTheTipIsInTheEquationOfMotion) {
   // M ddq + S dq + g + friction = tau + J^T F at every instant, F in either frame's axes.
   const Robot robot = test::panda();

@@ -130,7 +130,8 @@ TEST(Simulate, TheElectronicsDoWhatTheySay) {
   const double passed = -std::expm1(-2.0 * M_PI * m.velocity_cutoff * 1e-3);
   EXPECT_NEAR(late, 0.5e-3 + 1e-3 * (1.0 - passed) / passed, 1.5e-4);
   for (int j = 0; j < 7; ++j) {
-    const double scale = std::sqrt(robot.joints[static_cast<std::size_t>(j)].limits.torque / 87.0);
+    const double scale = std::sqrt(robot.joints[static_cast<std::size_t>(j)].limits.torque * 87.0);  // [N m]
+    EXPECT_NEAR(torque_ranges(robot)[j], scale, 1e-9);
     double white = 0.0, all = 0.0;  // the slow part hardly moves from one row to the next
     for (const Eigen::Index i : fresh) {
       const double now = log.tau(i, j) - run.tau(i, j),
@@ -183,7 +184,7 @@ TEST(Simulate, RefusesByName) {
   six.joints.pop_back();
   EXPECT_THROW(simulate(six, {}, motion), Error);
   SimulateOptions unstable;
-  unstable.gains.stiffness = -400.0;
+  unstable.gains.damping = -1.0;
   unstable.measurement = MeasurementOptions::realistic();
   try {
     simulate(robot, {parse_effect("payload", robot)}, motion, unstable);

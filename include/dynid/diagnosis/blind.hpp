@@ -14,13 +14,20 @@ enum class BlindKind {
   clean,    ///< white sensor noise
   nominal,  ///< true parameters off by 2 %, coloured noise, jittered stamps, lost packets
   weak,     ///< as clean, effects at 0.3 times their size
-  mixed,    ///< each of them in turn
+  /// As `nominal`, the model a vendor's: no friction, no rotor inertia, the inertials 5 % (every other case:
+  /// 10 %) off, and in half of the cases one more effect.
+  vendor,
+  mixed,  ///< clean, nominal and weak in turn
 };
 
 struct BlindOptions {
   int cases = 20;
   unsigned long seed = 1;
   BlindKind kind = BlindKind::clean;
+  /// Each case has an arm, a motion, a rate, a duration and a number of logs of its own, drawn by
+  /// random_family_robot() and random_family_run(), and 0 to 3 effects; the nominal robot, `duration` and
+  /// `rate` are not used.
+  bool family = false;
   std::string folder;      ///< where logs and, apart from them, labels are written
   double duration = 12.0;  ///< [s] of each of a case's two logs
   double rate = 250.0;     ///< [Hz]
@@ -32,7 +39,11 @@ struct BlindOptions {
 struct BlindCase {
   std::vector<Effect>
       truth;  ///< empty: no gap; the name of one that the library does not have starts with `unknown`
-  std::vector<std::string> withheld;  ///< effects taken out of the library for it
+  std::vector<double> truth_shares;     ///< of each in the gap's energy, joints scaled by their torque ranges
+  std::vector<std::string> background;  ///< effects that are there too, and may be named or not
+  bool vendor = false;
+  std::map<std::string, std::string> drawn;  ///< what else was drawn, for a person
+  std::vector<std::string> withheld;         ///< effects taken out of the library for it
   Verdict verdict = Verdict::no_gap;
   double p_value = 1.0, explained = 0.0;
   std::vector<FoundEffect> found;
@@ -66,6 +77,21 @@ struct BlindScore {
   double parameter_error = 0.0;    ///< median relative error of those parameters
   double shrink = 0.0;             ///< median over the cases with effects of the library
   double shrink_of_true = 0.0;     ///< median part of what the true effects give
+
+  // Over all effects named, in all cases, not the first alone. One is there when the truth has its name.
+  int named = 0;
+  int named_confident = 0, confident_not_there = 0;  ///< at 0.9 or more
+  int named_likely = 0, likely_not_there = 0;        ///< at 0.5 to 0.9
+  double likely_claimed = 0.0;                       ///< sum of the probabilities of these
+  double calibration_error_all = 0.0;                ///< ECE of all, ten bins
+  int clean_verdicts = 0;                            ///< of `no_gap`: called no_gap or not_detected
+  int healthy_confident = 0;                         ///< of `no_gap`: an effect named at 0.9 or more
+  int unknown_confident = 0;                         ///< of `unknown`: the same
+  int triples = 0, all_three_found = 0;
+  int known_unexplained = 0;  ///< of `known`, called unexplained
+  // Vendor's models: viscous, Coulomb and rotor inertia with 2 % of the gap; the further effect with 3 %.
+  int vendor_main = 0, vendor_main_named = 0, vendor_further = 0, vendor_further_named = 0;
+  double vendor_friction_error = 0.0;  ///< median relative error of the friction coefficients named
   std::map<std::string, std::map<std::string, int>> confusion;  ///< truth, named
 };
 
@@ -74,5 +100,8 @@ struct BlindScore {
 /// whatever their number. Throws Error where the folder cannot be written.
 std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& options);
 BlindScore score(const std::vector<BlindCase>& cases);
+
+/// The figures over all effects and of vendors' models, by the name of the field, for a file.
+std::map<std::string, double> further_figures(const BlindScore& score);
 
 }  // namespace dynid

@@ -19,16 +19,19 @@ struct PlantOptions {
 };
 
 /// A robot to try things on: rigid body, rotor inertia and friction of eqs. (24), (25) of a Robot, and its
-/// effects (Robot::effects, see effect_schemas()), in continuous time by Runge-Kutta of order 4.
+/// effects (Robot::effects, see effect_schemas()), in continuous time: by Runge-Kutta of order 4, and by
+/// an implicit method of order 2 (SDIRK, L-stable) through instants at which friction is too stiff for it, as
+/// on a light joint that stops, sticks or breaks away.
 ///
 /// The joint torque tau obeys M(q) ddq + S dq + g + friction + effects = tau. Friction that jumps at zero
-/// velocity (velocity_scale 0) is smoothed over 1 mrad/s. With joint_elasticity or backlash a joint has a
-/// motor mass of its own behind a spring: the drive's torque acts on it, tau is what the spring passes on,
-/// and the encoder sits on the motor. What the electronics add comes last, in this order: gain, offset,
-/// saturation and delay of the torque, then Measurement.
+/// velocity (velocity_scale 0) is smoothed over a ten thousandth of the joint's speed (JointScale). With
+/// joint_elasticity or backlash a joint has a motor mass of its own behind a spring: the drive's torque acts
+/// on it, tau is what the spring passes on, and the encoder sits on the motor. What the electronics add comes
+/// last, in this order: gain, offset, saturation and delay of the torque, then Measurement.
 class Plant {
  public:
-  /// Throws Error where validate() and complete_effect() do, and when an effect makes a body impossible.
+  /// Throws Error where validate() and complete_effect() do, when an effect makes a body impossible, and when
+  /// a joint has no inertia at all.
   explicit Plant(const Robot& robot, const PlantOptions& options = {});
   ~Plant();
   Plant(Plant&&) noexcept;

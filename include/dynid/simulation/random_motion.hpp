@@ -15,7 +15,8 @@ struct RandomMotionOptions {
 
 /// A random smooth motion: a Fourier series for each joint (supplement of Gaz et al. 2019, Section II) with
 /// seeded coefficients, periodic, at rest with no acceleration at both ends, scaled into the limits of
-/// position, velocity and acceleration (unknown ones: 2.5 rad either way, 2 rad/s, 10 rad/s^2). Obstacles,
+/// position, velocity and acceleration (unknown ones: 0.8 of JointScale::travel about its middle,
+/// JointScale::speed, and 6 times JointScale::acceleration). Obstacles,
 /// self-collision and torque limits are not looked at: see excite.hpp for motions to run on a robot.
 /// `duration` [s]. Throws Error on options out of range.
 Trajectory random_motion(const Robot& robot, double duration, unsigned long seed,
