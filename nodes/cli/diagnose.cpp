@@ -50,8 +50,8 @@ nlohmann::json diagnosis_json(const Diagnosis& d) {
   for (const GapWindow& w : d.windows)
     windows.push_back({{"log", w.log}, {"t0", w.t0}, {"t1", w.t1}, {"joints", w.joints}});
   for (const FoundEffect& e : d.effects) effects.push_back(effect_json(e));
-  for (const auto& [name, probability] : d.ranking)
-    ranking.push_back({{"name", name}, {"probability", probability}});
+  for (const RankedEffect& r : d.ranking)
+    ranking.push_back({{"name", r.name}, {"probability", r.probability}});
   nlohmann::json visible = nlohmann::json::array();
   for (const VisibleSize& v : d.smallest_visible)
     visible.push_back({{"name", v.name}, {"joint", v.joint}, {"torque_rms", v.torque_rms}});
