@@ -52,6 +52,17 @@ nlohmann::json visible_json(const Diagnosis& d) {
   return visible;
 }
 
+nlohmann::json judgement_json(const Diagnosis& d) {
+  nlohmann::json judgement = nlohmann::json::array();
+  for (const Judgement& j : d.judgement)
+    judgement.push_back({{"criterion", j.criterion},
+                         {"value", j.value},
+                         {"threshold", j.threshold},
+                         {"passed", j.passed},
+                         {"text", j.text}});
+  return judgement;
+}
+
 nlohmann::json gap_json(const Diagnosis& d) {
   return {{"rms", to_json(d.rms)},
           {"floor", to_json(d.floor)},
@@ -62,8 +73,8 @@ nlohmann::json gap_json(const Diagnosis& d) {
 
 nlohmann::json ranking_json(const Diagnosis& d) {
   nlohmann::json ranking = nlohmann::json::array();
-  for (const auto& [name, probability] : d.ranking)
-    ranking.push_back({{"name", name}, {"probability", probability}});
+  for (const RankedEffect& r : d.ranking)
+    ranking.push_back({{"name", r.name}, {"probability", r.probability}, {"explained", r.explained}});
   return ranking;
 }
 
@@ -101,6 +112,7 @@ nlohmann::json to_json(const DiagnoseReport& report) {
           {"verdict", to_string(d.verdict)},
           {"effects", effects_json(d)},
           {"ranking", ranking_json(d)},
+          {"judgement", judgement_json(d)},
           {"shrink", shrink_json(d)},
           {"next_experiment", next_json(d.next)},
           {"nominal_error", d.nominal_error},

@@ -702,7 +702,7 @@ class Page {
     out_ << "<p class=\"note\">Probability of each effect to be the first cause; what is missing to 1 is for "
             "none of these.</p>\n";
     std::vector<std::string> rest;
-    for (const auto& [name, p] : d_.ranking) {
+    for (const auto& [name, p, alone] : d_.ranking) {
       if (p < 0.001) {
         rest.push_back(with_spaces(name));
         continue;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "dynid/diagnosis/criteria.hpp"
 #include "dynid/diagnosis/gap_series.hpp"
 #include "dynid/diagnosis/next_experiment.hpp"
 #include "dynid/diagnosis/rollout.hpp"
@@ -38,6 +39,21 @@ struct FoundEffect {
   std::vector<Estimate> parameters;
 };
 
+/// An effect as a candidate.
+struct RankedEffect {
+  std::string name;
+  double probability = 0.0;  ///< to be the first
+  double explained = 0.0;    ///< part of the gap's energy that it explains alone; 0 where it was not compared
+};
+
+/// One criterion that decided the verdict.
+struct Judgement {
+  std::string criterion;  ///< as Criteria, or the options, name it
+  double value = 0.0, threshold = 0.0;
+  bool passed = false;
+  std::string text;  ///< for a person
+};
+
 /// A place where the gap is: one joint in one regime of its motion.
 struct GapCell {
   int joint = 0;  ///< from 1
@@ -66,7 +82,8 @@ struct DiagnoseOptions {
   std::vector<const Hypothesis*> extra;  ///< effects of one's own, beside the library's; to outlive the call
   int most_effects = 3;
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
-  unsigned seed = 1;        ///< of surrogates and intervals
+  Criteria criteria;
+  unsigned seed = 1;  ///< of surrogates and intervals
   int surrogates = 199;
   bool replay = true;  ///< replay the motion with the patch, and propose the next experiment
   std::function<void(const std::string& stage, double fraction)> progress;
@@ -86,9 +103,10 @@ struct Diagnosis {
   Eigen::VectorXd rms, floor;     ///< n [N m]: of the gap, and of the noise in the band
   std::vector<GapCell> where;
   std::vector<GapWindow> windows;
-  std::vector<VisibleSize> smallest_visible;            ///< where no effect is named, of the simple ones
-  std::vector<FoundEffect> effects;                     ///< largest share first
-  std::vector<std::pair<std::string, double>> ranking;  ///< of every effect: probability to be the first
+  std::vector<VisibleSize> smallest_visible;  ///< where no effect is named, of the simple ones
+  std::vector<FoundEffect> effects;           ///< largest share first
+  std::vector<RankedEffect> ranking;          ///< of every effect, most probable first
+  std::vector<Judgement> judgement;           ///< what decided the verdict
   Shrink shrink;
   GapSeries series;
   Rollout rollout;

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace dynid {
+
+/// Every threshold of the diagnosis, with where it comes from. Log evidence is in nats; parts are of energy.
+/// "Banks" are those of `dynid blind`, clean and nominal kinds; none of the values is fitted to a real log.
+struct Criteria {
+  // ------------------------------------------------------------------------------------------- is there a
+  // gap
+  /// p-value below which a gap is said to be there: the usual one in twenty.
+  double detection = 0.05;
+  /// A gap of one log alone is left over where it is larger than this many times the white floor: coloured
+  /// noise of realistic sensors stayed below 3 on the banks.
+  double left_over = 4.0;
+  /// Coloured noise, in parts of the white floor, that the floor may be raised by.
+  double floor_room = 3.0;
+  /// A joint is taken to carry at least this part of what the most loaded joint carries: a wrist that carries
+  /// nothing would otherwise have no tolerance at all.
+  double least_load = 0.05;
+
+  // ------------------------------------------------------------------------------------------ which effects
+  /// Log evidence that a further effect has to bring beyond its price: odds of e^10 before the calibration's
+  /// temperature, about ten to one after it.
+  double effect_gain = 10.0;
+  /// And that a further joint of an effect has to bring.
+  double joint_gain = 6.0;
+  /// Weight of an effect's prior: rows are not as independent as the evidence takes them to be.
+  double prior_weight = 4.0;
+  /// Part of a joint's gap that a further effect has to explain beside effects of approximate form there,
+  /// whose form error leaves about a fifth of their torque, and beside exact ones.
+  double least_part = 0.04, least_part_of_exact = 0.001;
+  /// And part of what is left of that joint's gap.
+  double least_gain = 0.25;
+  /// Part of the gap that a delay has to explain for the search to begin again with it, the change of that
+  /// delay [s] that is one, and the log evidence that the set found with it has to bring.
+  double least_of_delay = 0.02, same_delay = 1e-3, least_better = 1.0;
+  /// Log evidence within which two effects are not told apart: e^-4 to one is one in fifty.
+  double indistinct = 4.0;
+
+  // ------------------------------------------------------------------------------------- is it the whole
+  // story
+  /// Part of the gap that one, two, more effects have to explain: several together can imitate much.
+  double least_of_one = 0.65, least_of_two = 0.9, least_of_more = 0.95;
+  /// By one effect, when it is what is left of several.
+  double least_of_fewer = 0.75;
+  /// What is left does not matter where this part is explained.
+  double fully_explained = 0.9;
+  /// Part that effects of exact forms may leave, and how many times the noise of most joints on one of
+  /// theirs.
+  double left_by_exact = 0.03, most_of_exact = 2.5;
+
+  double least_explained(int effects) const {
+    return effects < 2 ? least_of_one : effects == 2 ? least_of_two : least_of_more;
+  }
+};
+
+}  // namespace dynid

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "evaluator.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <utility>
+
+namespace dynid::detail {
+
+Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right) {
+  Eigen::MatrixXd both(right.rows(), left.cols() + right.cols());
+  both << left, right;
+  return both;
+}
+
+double Evaluator::cost(const Adopted& effect) const {
+  double cost = -criteria.prior_weight * std::log(effect.h->prior());
+  for (const UnitShape& unit : effect.units) cost += price(*effect.h, unit);
+  if (effect.h->scope() == Scope::window) cost += 2.0 * std::log(double(rows.size()));
+  return cost;
+}
+
+double Evaluator::price(const Hypothesis& h, const UnitShape& unit) const {
+  const double coefficients = h.shape_only() ? 0.0 : double(unit.block->size());
+  return (0.5 * std::log(double(rows.size())) + 1.5) * (coefficients + double(unit.shape.size())) +
+         (h.scope() == Scope::arm ? 0.0 : std::log(double(rows.joints())));
+}
+
+GapModel Evaluator::evaluate(std::vector<Adopted> effects, double kappa) const {
+  GapModel model;
+  model.fit = fit_terms(rows, rows.y, terms_of(effects), kappa);
+  model.score = model.fit.total;
+  for (const Adopted& e : effects) model.score -= cost(e);
+  model.effects = std::move(effects);
+  model.kappa = kappa;
+  return model;
+}
+
+UnitShape Evaluator::made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
+  return {unit, shape, std::make_shared<RowBlock>(rows.block(h, unit, shape))};
+}
+
+Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own) const {
+  Channel out{model.fit.left.col(joint), Eigen::MatrixXd(rows.size(), 0), 0.0, {}};
+  Eigen::Index at = 0;
+  for (const Adopted& e : model.effects) {
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      if (own_channel(*e.h, *u.block) && u.block->channels[0] == joint) {
+        const Eigen::MatrixXd& values = u.block->values[0];
+        if (p > 0) out.y += values * model.fit.theta.segment(at, p);
+        if (p > 0 && keep_own) out.columns = beside(out.columns, values);
+        if (p == 0 && !keep_own) out.y += values.rowwise().sum();
+      }
+      at += p;
+    }
+  }
+  const ChannelFit fit = fit_channel(rows, joint, out.y, out.columns, model.kappa);
+  out.evidence = fit.evidence;
+  out.by = {whitener(rows, joint, white(out.y), model.kappa), whitener(rows, joint, fit.noise, model.kappa)};
+  return out;
+}
+
+Base Evaluator::base_of(const GapModel& model) const {
+  const auto n = static_cast<std::size_t>(rows.joints());
+  Base base{model, std::vector<Channel>(n), {2, std::vector<Whitener>(n)}};
+  tbb::parallel_for(0, rows.joints(), [&](int j) {
+    const auto at = static_cast<std::size_t>(j);
+    base.channels[at] = channel_of(model, j, true);
+    base.by[0][at] = whitener(rows, j, white(rows.y.col(j)), model.kappa);
+    base.by[1][at] = whitener(rows, j, model.fit.noise[at], model.kappa);
+  });
+  return base;
+}
+
+double Evaluator::own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel,
+                           double kappa) const {
+  const int j = block.channels[0];
+  if (h.shape_only())
+    return fit_channel(rows, j, channel.y - block.values[0].rowwise().sum(), channel.columns, kappa,
+                       channel.by)
+               .evidence -
+           channel.evidence;
+  return fit_channel(rows, j, channel.y, beside(channel.columns, block.values[0]), kappa, channel.by)
+             .evidence -
+         channel.evidence;
+}
+
+double Evaluator::coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const {
+  std::vector<Term> terms = terms_of(base.model.effects);
+  terms.push_back({&block, &h});
+  return fit_terms(rows, rows.y, terms, base.model.kappa, base.by).total - base.model.fit.total;
+}
+
+}  // namespace dynid::detail

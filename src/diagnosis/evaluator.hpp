@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "dynid/diagnosis/criteria.hpp"
+#include "gap_model.hpp"
+
+namespace dynid::detail {
+
+/// What a joint has of a model: its gap less what the model's coupled effects and those without coefficients
+/// add, and the columns of the effects of its own, which are fitted anew with every candidate.
+struct Channel {
+  Eigen::VectorXd y;         ///< rows
+  Eigen::MatrixXd columns;   ///< rows x p, p may be 0
+  double evidence;           ///< of their fit
+  std::vector<Whitener> by;  ///< white noise, and that of their fit
+};
+
+/// A model that candidates are tried on top of.
+struct Base {
+  const GapModel& model;
+  std::vector<Channel> channels;          ///< of each joint
+  std::vector<std::vector<Whitener>> by;  ///< white noise, and the model's: of each joint
+};
+
+Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right);
+
+/// Scores sets of effects on the rows of a gap. Holds references: both are to outlive it.
+class Evaluator {
+ public:
+  Evaluator(const GapRows& of_rows, const Criteria& of_criteria) : rows(of_rows), criteria(of_criteria) {}
+
+  /// What an effect costs of the score: each coefficient and each shape parameter by Schwarz, the choice of
+  /// joints by its number of outcomes, and its prior.
+  double cost(const Adopted& effect) const;
+  /// What one unit of an effect costs, but for the effect itself.
+  double price(const Hypothesis& h, const UnitShape& unit) const;
+  /// A set fitted.
+  GapModel evaluate(std::vector<Adopted> effects, double kappa) const;
+  UnitShape made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+
+  Base base_of(const GapModel& model) const;
+  /// `keep_own`: the joint's own effects stay, to be fitted anew; else they are taken out.
+  Channel channel_of(const GapModel& model, int joint, bool keep_own) const;
+  /// Log evidence that a block adds to a joint's own channel, and to all of them.
+  double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
+  double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;
+
+  const Robot& robot() const { return rows.motions().front().robot(); }
+
+  const GapRows& rows;
+  const Criteria& criteria;
+};
+
+}  // namespace dynid::detail

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "intervals.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <utility>
+
+#include "dynid/diagnosis/calibration.hpp"
+
+namespace dynid::detail {
+namespace {
+
+/// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
+struct Values {
+  std::vector<std::string> keys, units;
+  std::vector<bool> per_joint;
+  std::vector<Eigen::VectorXd> values;
+};
+Values values_of(const Robot& robot, const Adopted& e, const Eigen::VectorXd& theta,
+                 const std::vector<Eigen::VectorXd>& shapes) {
+  Values out;
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < e.units.size(); ++k) {
+    const Eigen::Index p = e.h->shape_only() ? 0 : e.units[k].block->size();
+    const std::vector<NamedValue> named =
+        e.h->parameters(robot, e.units[k].unit, theta.segment(at, p), shapes[k]);
+    at += p;
+    for (std::size_t i = 0; i < named.size(); ++i) {
+      if (k == 0) {
+        out.keys.push_back(named[i].key);
+        out.units.push_back(named[i].unit);
+        out.per_joint.push_back(named[i].per_joint);
+        out.values.push_back(named[i].per_joint ? Eigen::VectorXd::Zero(robot.size()) : named[i].value);
+      } else if (out.units[i].find(named[i].unit) == std::string::npos) {
+        out.units[i] += " or " + named[i].unit;  // joints of both types
+      }
+      if (named[i].per_joint) out.values[i][e.units[k].unit] = named[i].value[0];
+    }
+  }
+  return out;
+}
+
+/// Shape parameters of the effect's units that are measured, and the derivatives of its torque with respect
+/// to them.
+struct ShapeSlopes {
+  std::vector<RowBlock> slopes;
+  std::vector<std::pair<std::size_t, Eigen::Index>> of;  // unit, shape parameter
+};
+ShapeSlopes shape_slopes(const GapRows& rows, const Adopted& e, const Eigen::VectorXd& theta) {
+  const std::vector<ShapeParameter> shape = e.h->shape();
+  ShapeSlopes out;
+  Eigen::Index offset = 0;
+  for (std::size_t k = 0; k < e.units.size(); ++k) {
+    const UnitShape& u = e.units[k];
+    const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+    for (Eigen::Index s = 0; s < u.shape.size(); ++s) {
+      if (shape[static_cast<std::size_t>(s)].points < 3 && e.h->scope() != Scope::window) continue;
+      const double step = e.h->scope() == Scope::window ? 1e-3 : 1e-3 * std::max(std::abs(u.shape[s]), 1e-3);
+      Eigen::VectorXd ahead = u.shape, behind = u.shape;
+      ahead[s] += step;
+      behind[s] -= step;
+      const RowBlock a = rows.block(*e.h, u.unit, ahead), b = rows.block(*e.h, u.unit, behind);
+      RowBlock slope;
+      slope.channels = a.channels;
+      for (std::size_t c = 0; c < a.channels.size(); ++c) {
+        const Eigen::MatrixXd d = (a.values[c] - b.values[c]) / (2.0 * step);
+        slope.values.push_back(p > 0 ? Eigen::MatrixXd(d * theta.segment(offset, p))
+                                     : Eigen::MatrixXd(d.rowwise().sum()));
+      }
+      out.slopes.push_back(std::move(slope));
+      out.of.emplace_back(k, s);
+    }
+    offset += p;
+  }
+  return out;
+}
+
+/// A root of the covariance of the effect's coefficients and measured shape parameters beside everything that
+/// is free in the model.
+Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, Eigen::Index first,
+                                   Eigen::Index mine, const ShapeSlopes& shapes) {
+  std::vector<Term> terms = terms_of(model.effects);
+  const Eigen::Index all = model.fit.theta.size();
+  for (const RowBlock& slope : shapes.slopes) terms.push_back({&slope});
+  const Eigen::MatrixXd wide = covariance_of(rows, terms, model.fit.noise, model.kappa);
+  std::vector<Eigen::Index> chosen;
+  for (Eigen::Index k = 0; k < mine; ++k) chosen.push_back(first + k);
+  for (std::size_t k = 0; k < shapes.slopes.size(); ++k) chosen.push_back(all + static_cast<Eigen::Index>(k));
+  const Eigen::MatrixXd covariance = wide(chosen, chosen);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+}
+
+/// One parameter: its value, the draws of it (values x draws), and the error of the effect's form.
+Estimate estimate_of(const std::string& effect, const std::string& key, const std::string& unit,
+                     bool per_joint, const Eigen::VectorXd& values, const Eigen::MatrixXd& drawn) {
+  Estimate out{key, unit, values, values, values, per_joint};
+  const Eigen::Index draws = drawn.cols();
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    Eigen::VectorXd x = drawn.row(i).transpose();
+    std::sort(x.data(), x.data() + x.size());
+    const double value = out.value[i], below = std::max(0.0, value - x[draws / 20]),
+                 above = std::max(0.0, x[draws - 1 - draws / 20] - value);
+    // What is chosen (a link, a sign), not measured, has no interval.
+    const bool measured = below > 0.0 || above > 0.0;
+    const double form =
+        measured ? calibration().form_error_of(effect, key) * Calibration::scale(out, i) : 0.0;
+    out.low[i] = value - std::hypot(below, form);
+    out.high[i] = value + std::hypot(above, form);
+  }
+  return out;
+}
+
+}  // namespace
+
+FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel& model, std::size_t which,
+                         unsigned seed) {
+  const Adopted& e = model.effects[which];
+  Eigen::Index first = 0;
+  for (std::size_t k = 0; k < which; ++k) first += model.effects[k].coefficients();
+  const Eigen::Index mine = e.coefficients();
+  const Eigen::VectorXd theta = model.fit.theta.segment(first, mine);
+  const ShapeSlopes slopes = shape_slopes(rows, e, theta);
+  const Eigen::MatrixXd root = root_of_covariance(rows, model, first, mine, slopes);
+  std::vector<Eigen::VectorXd> shapes;
+  for (const UnitShape& u : e.units) shapes.push_back(u.shape);
+  const Values best = values_of(robot, e, theta, shapes);
+  constexpr int draws = 400;
+  std::vector<Eigen::MatrixXd> drawn;
+  for (const Eigen::VectorXd& v : best.values) drawn.emplace_back(v.size(), draws);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const double factor = model.kappa > 0.0 ? calibration().interval_factor_off : calibration().interval_factor;
+  const std::vector<ShapeParameter> ranges = e.h->shape();
+  for (int d = 0; d < draws; ++d) {
+    Eigen::VectorXd z(root.cols());
+    for (double& x : z) x = normal(random);
+    const Eigen::VectorXd change = factor * (root * z);
+    std::vector<Eigen::VectorXd> moved = shapes;
+    for (std::size_t k = 0; k < slopes.of.size(); ++k) {
+      const auto& [unit, s] = slopes.of[k];
+      const ShapeParameter& range = ranges[static_cast<std::size_t>(s)];
+      moved[unit][s] =
+          std::clamp(moved[unit][s] + change[mine + static_cast<Eigen::Index>(k)], range.low, range.high);
+    }
+    const Values v = values_of(robot, e, theta + change.head(mine), moved);
+    for (std::size_t k = 0; k < v.values.size(); ++k) drawn[k].col(d) = v.values[k];
+  }
+  FoundEffect found;
+  found.effect.name = e.h->name();
+  for (const UnitShape& u : e.units)
+    for (const int j : e.h->joints(robot, u.unit)) found.effect.joints.push_back(j);
+  for (std::size_t k = 0; k < best.keys.size(); ++k) {
+    found.effect.parameters[best.keys[k]] =
+        std::vector<double>(best.values[k].data(), best.values[k].data() + best.values[k].size());
+    found.parameters.push_back(
+        estimate_of(e.h->name(), best.keys[k], best.units[k], best.per_joint[k], best.values[k], drawn[k]));
+  }
+  return found;
+}
+
+}  // namespace dynid::detail

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "propose.hpp"
+
+namespace dynid::detail {
+
+Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+  if (h.scope() == Scope::window) return propose_window(by, h, grid, base);
+  if (own_channel(h, *grid[0][0].block)) return propose_own(by, h, grid, base);
+  return propose_coupled(by, h, grid, base);
+}
+
+}  // namespace dynid::detail

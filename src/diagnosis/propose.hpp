@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "evaluator.hpp"
+
+namespace dynid::detail {
+
+/// The columns of one unit of an effect at one shape of its grid.
+struct GridPoint {
+  Eigen::VectorXd shape;
+  std::shared_ptr<const RowBlock> block;
+};
+using Grid = std::vector<std::vector<GridPoint>>;  ///< unit, point
+
+/// Shapes of an effect's grid.
+std::vector<Eigen::VectorXd> grid_points(const Hypothesis& h);
+
+/// The best form of one effect beside those of `base`: no units where there is none. The strategy follows
+/// from the effect's scope: in each joint's own torque, in the torques of several joints, in a window of
+/// time.
+Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
+Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
+Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
+Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
+
+/// Log evidence that a block adds.
+using Gain = std::function<double(const RowBlock&)>;
+/// The best point of the grid by `gain`, refined where it gains `worth`.
+UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
+                     const Gain& gain, double worth = -std::numeric_limits<double>::infinity());
+/// Shape parameter `s` of a unit between low and high by golden section, kept where it gains more than
+/// `best`: returns the gain.
+double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low,
+               double high, bool logarithmic, double best, const Gain& gain);
+
+}  // namespace dynid::detail

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+// An effect in a window of time: the windows of each link are scanned by prefix sums, the links compared by
+// what one point of each can do in its best window, and the best is refined by full fits.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "propose.hpp"
+
+namespace dynid::detail {
+namespace {
+
+/// What is usual besides start and duration, for a start.
+Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  Eigen::VectorXd shape(static_cast<Eigen::Index>(parameters.size()));
+  shape.head<2>() << from, to - from;
+  for (std::size_t s = 2; s < parameters.size(); ++s) {
+    const ShapeParameter& p = parameters[s];
+    shape[static_cast<Eigen::Index>(s)] = p.logarithmic ? std::sqrt(p.low * p.high) : 0.5 * (p.low + p.high);
+  }
+  return shape;
+}
+
+/// All of the log: the usual shape, and each parameter that is linear at its end; the windows are scanned for
+/// what all of them span.
+std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  std::vector<Eigen::VectorXd> points = {window_shape(h, -1e12, 1e12)};
+  for (std::size_t s = 2; s < parameters.size(); ++s) {
+    if (parameters[s].logarithmic) continue;
+    points.push_back(points.front());
+    points.back()[static_cast<Eigen::Index>(s)] = parameters[s].high;
+  }
+  return points;
+}
+
+/// A window's shape with its linear parameters at `place`, in parts of their highest values.
+Eigen::VectorXd placed(const Hypothesis& h, Eigen::VectorXd shape, const Eigen::VectorXd& place) {
+  const std::vector<ShapeParameter> parameters = h.shape();
+  Eigen::Index k = 0;
+  for (std::size_t s = 2; s < parameters.size(); ++s)
+    if (!parameters[s].logarithmic) shape[static_cast<Eigen::Index>(s)] = place[k++] * parameters[s].high;
+  return shape;
+}
+
+/// What coefficients c and a place s (-1 to 1 each) gain together, the columns being those of c and, for each
+/// coordinate of the place, those of c again: (1, s) x c by turns. `normal`: their normal equations [G | h].
+struct BilinearGain {
+  double gain = 0.0;
+  Eigen::VectorXd place;
+};
+
+BilinearGain bilinear_gain(const Eigen::MatrixXd& normal, Eigen::Index coefficients) {
+  constexpr int turns = 40;
+  const Eigen::Index p = normal.rows(), places = p / coefficients - 1;
+  Eigen::MatrixXd G = normal.leftCols(p);
+  G.diagonal().array() += 1e-9 * G.trace() + 1e-12;
+  const Eigen::VectorXd h = normal.col(p);
+  BilinearGain out{0.0, Eigen::VectorXd::Zero(places)};
+  for (int k = 0; k < turns; ++k) {
+    Eigen::MatrixXd by(p, coefficients);
+    by.topRows(coefficients).setIdentity();
+    for (Eigen::Index i = 0; i < places; ++i)
+      by.middleRows((i + 1) * coefficients, coefficients) =
+          out.place[i] * Eigen::MatrixXd::Identity(coefficients, coefficients);
+    const Eigen::VectorXd c = (by.transpose() * G * by).ldlt().solve(by.transpose() * h);
+    out.gain = 0.5 * c.dot(by.transpose() * h);
+    if (places == 0) break;
+    Eigen::VectorXd fixed = Eigen::VectorXd::Zero(p);
+    fixed.head(coefficients) = c;
+    Eigen::MatrixXd free = Eigen::MatrixXd::Zero(p, places);
+    for (Eigen::Index i = 0; i < places; ++i) free.col(i).segment((i + 1) * coefficients, coefficients) = c;
+    Eigen::MatrixXd A = free.transpose() * G * free;
+    A.diagonal().array() += 1e-6 * A.trace() + 1e-12;  // along the force nothing tells the place
+    out.place = A.ldlt().solve(free.transpose() * (h - G * fixed)).cwiseMax(-1.0).cwiseMin(1.0);
+  }
+  return out;
+}
+
+/// A window and a place in it, as the scan leaves them.
+struct Scanned {
+  double gain = 0.0;
+  int link = -1;
+  Eigen::Index from = 0, to = 0;  // rows, both included
+  Eigen::VectorXd place;
+};
+
+/// The columns of a link's grid side by side: those of the usual shape, then what each linear shape parameter
+/// adds.
+RowBlock spanned(const std::vector<GridPoint>& points) {
+  RowBlock block = *points[0].block;
+  for (std::size_t k = 1; k < points.size(); ++k)
+    for (std::size_t c = 0; c < block.channels.size(); ++c)
+      block.values[c] = beside(block.values[c], points[k].block->values[c] - points[0].block->values[c]);
+  return block;
+}
+
+/// Prefix sums of the normal equations [G | h], rows taken as independent: of each row, those before it.
+std::vector<Eigen::MatrixXd> prefix_sums(const RowBlock& block, const GapModel& model) {
+  const Eigen::Index size = model.fit.left.rows(), p = block.size();
+  std::vector<Eigen::MatrixXd> sum(static_cast<std::size_t>(size) + 1, Eigen::MatrixXd::Zero(p, p + 1));
+  for (Eigen::Index i = 0; i < size; ++i) {
+    Eigen::MatrixXd& next = sum[static_cast<std::size_t>(i) + 1];
+    next = sum[static_cast<std::size_t>(i)];
+    for (std::size_t c = 0; c < block.channels.size(); ++c) {
+      const int j = block.channels[c];
+      const Eigen::VectorXd row = block.values[c].row(i).transpose();
+      const double w = 1.0 / model.fit.noise[static_cast<std::size_t>(j)].variance;
+      next.leftCols(p) += w * row * row.transpose();
+      next.col(p) += w * model.fit.left(i, j) * row;
+    }
+  }
+  return sum;
+}
+
+/// The best window of free columns, and what one point does in it where those gain more than `least`.
+Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, Eigen::Index coefficients,
+             Eigen::Index longest, double least) {
+  const Eigen::Index p = sum.front().rows();
+  double here = 0.0;
+  Eigen::Index begin = 0, end = 0;
+  for (std::size_t part = 0; part + 1 < rows.parts.size(); ++part) {
+    const Eigen::Index first = rows.parts[part], last = rows.parts[part + 1];
+    for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, longest);
+         length = std::max(length + 1, length * 5 / 4)) {
+      for (Eigen::Index i = first; i + length <= last; i += std::max<Eigen::Index>(1, length / 12)) {
+        const Eigen::MatrixXd d =
+            sum[static_cast<std::size_t>(i + length)] - sum[static_cast<std::size_t>(i)];
+        Eigen::MatrixXd G = d.leftCols(p);
+        G.diagonal().array() += 1e-6 * G.trace() + 1e-12;
+        const double gain = 0.5 * d.col(p).dot(G.llt().solve(d.col(p)));
+        if (gain > here) here = gain, begin = i, end = i + length;
+      }
+    }
+  }
+  if (here <= least) return {};  // free columns do at least as much as those of a point
+  const BilinearGain bilinear =
+      bilinear_gain(sum[static_cast<std::size_t>(end)] - sum[static_cast<std::size_t>(begin)], coefficients);
+  return {bilinear.gain, 0, begin, end - 1, bilinear.place};
+}
+
+/// Refines a scanned window by what the full fit says.
+class WindowFit {
+ public:
+  WindowFit(const Evaluator& by, const Hypothesis& h, const Base& base, const Scanned& found,
+            Eigen::Index longest)
+      : by_(by), h_(h), base_(base), from_(found.from), to_(found.to), longest_(longest) {
+    const GapRows& rows = by.rows;
+    best_ =
+        by.made(h, found.link, placed(h, window_shape(h, rows.stamp(from_), rows.stamp(to_)), found.place));
+    gain_ = value(*best_.block);
+  }
+
+  /// Shape parameters from `first` on: a window's ends within `row` [s], the others in their ranges.
+  void improve_all(Eigen::Index first, double row) {
+    const std::vector<ShapeParameter> shape = h_.shape();
+    for (Eigen::Index s = first; s < best_.shape.size(); ++s) {
+      const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
+      const bool edge = s < 2;
+      gain_ = improve(by_, h_, best_, s, edge ? best_.shape[s] - row : p.low,
+                      edge ? best_.shape[s] + row : p.high, p.logarithmic, gain_,
+                      [this](const RowBlock& block) { return value(block); });
+    }
+  }
+
+  /// The ends, row by row.
+  void move_ends() {
+    for (Eigen::Index step = std::max<Eigen::Index>(1, (to_ - from_) / 8); step >= 1; step /= 2)
+      while (moved(step)) {
+      }
+  }
+
+  double row() const { return (by_.rows.t[to_] - by_.rows.t[from_]) / double(to_ - from_); }
+  const UnitShape& best() const { return best_; }
+  double gain() const { return gain_; }
+
+ private:
+  double value(const RowBlock& block) const { return by_.coupled_gain(h_, block, base_); }
+
+  bool moved(Eigen::Index step) {
+    const GapRows& rows = by_.rows;
+    for (const auto& [a, b] : {std::pair{from_ - step, to_}, std::pair{from_ + step, to_},
+                               std::pair{from_, to_ - step}, std::pair{from_, to_ + step}}) {
+      if (a < 0 || b >= rows.size() || b - a < 4 || b - a >= longest_ ||
+          rows.log[static_cast<std::size_t>(a)] != rows.log[static_cast<std::size_t>(b)])
+        continue;
+      Eigen::VectorXd at = best_.shape;
+      at.head<2>() << rows.stamp(a), rows.t[b] - rows.t[a];
+      const UnitShape other = by_.made(h_, best_.unit, at);
+      const double here = value(*other.block);
+      if (here > gain_ + 1e-6) {
+        gain_ = here, best_ = other, from_ = a, to_ = b;
+        return true;
+      }
+    }
+    return false;
+  }
+
+  const Evaluator& by_;
+  const Hypothesis& h_;
+  const Base& base_;
+  Eigen::Index from_, to_, longest_;
+  UnitShape best_;
+  double gain_ = 0.0;
+};
+
+}  // namespace
+
+std::vector<Eigen::VectorXd> grid_points(const Hypothesis& h) {
+  if (h.scope() == Scope::window) return window_points(h);
+  const std::vector<ShapeParameter> shape = h.shape();
+  std::vector<Eigen::VectorXd> points = {Eigen::VectorXd(0)};
+  for (const ShapeParameter& s : shape) {
+    std::vector<Eigen::VectorXd> next;
+    for (const Eigen::VectorXd& p : points) {
+      for (int k = 0; k < s.points; ++k) {
+        const double part = s.points > 1 ? double(k) / (s.points - 1) : 0.0;
+        Eigen::VectorXd q(p.size() + 1);
+        q << p, s.logarithmic ? s.low * std::pow(s.high / s.low, part) : s.low + part * (s.high - s.low);
+        next.push_back(q);
+      }
+    }
+    points = next;
+  }
+  return points;
+}
+
+Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+  const Eigen::Index longest = by.rows.size() * 2 / 5;  // what lasts longer is no window
+  Scanned found;
+  for (std::size_t u = 0; u < grid.size(); ++u) {
+    Scanned here = scan(by.rows, prefix_sums(spanned(grid[u]), base.model), grid[u][0].block->size(), longest,
+                        found.gain);
+    here.link = static_cast<int>(u);
+    if (here.gain > found.gain) found = here;
+  }
+  Adopted effect{&h, {}, 0.0};
+  if (found.link < 0) return effect;
+  WindowFit fit(by, h, base, found, longest);
+  for (int pass = 0; pass < 3; ++pass) fit.improve_all(2, 0.0);
+  fit.move_ends();
+  effect.units = {fit.best()};
+  if (fit.gain() - by.cost(effect) > 0.0) {  // and between the rows
+    const double row = fit.row();
+    for (int pass = 0; pass < 3; ++pass) fit.improve_all(0, row);
+    effect.units = {fit.best()};
+  }
+  effect.gain = fit.gain() - by.cost(effect);
+  return effect;
+}
+
+}  // namespace dynid::detail

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <limits>
+
+#include "search.hpp"
+
+namespace dynid::detail {
+namespace {
+
+/// The effects of a model that one joint has, and in which form.
+struct Decided {
+  std::vector<UnitShape> units;
+  std::vector<std::size_t> owners;  // of the model's effects
+};
+
+/// Of all subsets of the forms, the one that the joint's evidence asks for.
+Decided decide(const Evaluator& by, const GapModel& model, const std::vector<std::size_t>& own,
+               const std::vector<UnitShape>& forms, int joint, const Channel& alone) {
+  Decided out;
+  double most = -std::numeric_limits<double>::infinity();
+  const std::size_t subsets = std::size_t{1} << own.size();
+  for (std::size_t subset = 0; subset < subsets; ++subset) {
+    Eigen::VectorXd y = alone.y;
+    Eigen::MatrixXd columns(by.rows.size(), 0);
+    double value = 0.0;
+    Decided here;
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      if ((subset >> i & 1U) == 0) continue;
+      const Hypothesis& h = *model.effects[own[i]].h;
+      if (h.shape_only())
+        y -= forms[i].block->values[0].rowwise().sum();
+      else
+        columns = beside(columns, forms[i].block->values[0]);
+      value -= by.price(h, forms[i]) + by.criteria.joint_gain;
+      here.units.push_back(forms[i]);
+      here.owners.push_back(own[i]);
+    }
+    const ChannelFit fit = fit_channel(by.rows, joint, y, columns, model.kappa);
+    Eigen::Index at = 0;
+    bool plausible = true;
+    for (std::size_t i = 0; i < here.units.size(); ++i) {
+      const Hypothesis& h = *model.effects[here.owners[i]].h;
+      const Eigen::Index p = h.shape_only() ? 0 : here.units[i].block->size();
+      if (p > 0)
+        plausible =
+            plausible && h.plausible(by.robot(), joint, fit.theta.segment(at, p), here.units[i].shape);
+      at += p;
+    }
+    value += fit.evidence;
+    if (plausible && value > most) most = value, out = std::move(here);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<UnitShape> Search::forms_on(const GapModel& model, const std::vector<std::size_t>& own, int joint,
+                                        const Channel& alone) const {
+  std::vector<UnitShape> forms(own.size());
+  std::vector<bool> found(own.size(), false);
+  for (std::size_t i = 0; i < own.size(); ++i)
+    for (const UnitShape& u : model.effects[own[i]].units)
+      if (u.unit == joint && !found[i]) forms[i] = u, found[i] = true;
+  if (std::none_of(found.begin(), found.end(), [](bool x) { return x; })) return {};
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    if (found[i]) continue;
+    const Hypothesis& h = *model.effects[own[i]].h;
+    const auto which = std::find(library_.begin(), library_.end(), &h) - library_.begin();
+    const auto& points = grids_[static_cast<std::size_t>(which)][static_cast<std::size_t>(joint)];
+    forms[i] = best_shape(by_, h, joint, points,
+                          [&](const RowBlock& b) { return by_.own_gain(h, b, alone, model.kappa); });
+  }
+  return forms;
+}
+
+GapModel Search::reassigned(const GapModel& model) const {
+  std::vector<std::size_t> own;  // of the model's effects
+  for (std::size_t k = 0; k < model.effects.size(); ++k)
+    if (own_channel(*model.effects[k].h, *model.effects[k].units.front().block)) own.push_back(k);
+  if (own.size() < 2) return model;
+  std::vector<Adopted> effects = model.effects;
+  for (const std::size_t k : own) effects[k].units.clear();
+  for (int j = 0; j < by_.rows.joints(); ++j) {
+    const Channel alone = by_.channel_of(model, j, false);
+    const std::vector<UnitShape> forms = forms_on(model, own, j, alone);
+    if (forms.empty()) continue;
+    const Decided decided = decide(by_, model, own, forms, j, alone);
+    for (std::size_t i = 0; i < decided.units.size(); ++i)
+      effects[decided.owners[i]].units.push_back(decided.units[i]);
+  }
+  effects.erase(
+      std::remove_if(effects.begin(), effects.end(), [](const Adopted& e) { return e.units.empty(); }),
+      effects.end());
+  if (effects.empty() || effects.back().h != model.effects.back().h) return model;  // the newest has to stay
+  GapModel better = evaluate(std::move(effects), model.kappa);
+  return better.score > model.score ? better : model;
+}
+
+}  // namespace dynid::detail

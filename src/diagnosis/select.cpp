@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "select.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "dynid/base/error.hpp"
+#include "energy.hpp"
+
+namespace dynid::detail {
+namespace {
+
+constexpr int most_passes = 2;  // of the search with a delay that is known
+constexpr Eigen::Index least_rows = 40, least_held = 10;
+
+/// Several channels late by times of their own may all be late by one.
+Eigen::VectorXd common(const Eigen::VectorXd& late) {
+  std::vector<double> found;
+  for (const double x : late)
+    if (x != 0.0) found.push_back(x);
+  if (found.size() < 3) return late;
+  std::nth_element(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2), found.end());
+  return Eigen::VectorXd::Constant(late.size(), found[found.size() / 2]);
+}
+
+/// Sought again with the delay known, until the one that is found is the one that was assumed, or no better
+/// set is.
+void seek_with_delay(GapRows& everything, std::unique_ptr<Choice>& chosen,
+                     std::vector<const Hypothesis*> library, const DiagnoseOptions& options, const Say& say) {
+  const Criteria& criteria = options.criteria;
+  Eigen::VectorXd assumed = Eigen::VectorXd::Zero(everything.joints());
+  bool better = true;
+  for (int pass = 0; pass < most_passes && better && chosen->lateness_matters(); ++pass) {
+    better = false;
+    const Eigen::VectorXd found = lateness(chosen->model, everything.joints());
+    for (const bool by_one : {true, false}) {
+      const Eigen::VectorXd late = by_one ? common(found) : found;
+      if ((late - assumed).cwiseAbs().maxCoeff() < criteria.same_delay || (by_one && late == found)) continue;
+      std::vector<const Hypothesis*> forms = library;
+      for (const Adopted& e : chosen->model.effects)
+        if (by_one && e.h->lateness(e.units.front().shape) != 0.0)
+          forms.erase(std::remove(forms.begin(), forms.end(), e.h), forms.end());
+      const GapRows delayed = everything.late(late);
+      auto again = std::make_unique<Choice>(delayed, chosen->split, forms, options, say);
+      better = again->model.score > chosen->model.score + criteria.least_better;
+      if (!better) continue;
+      chosen = std::move(again);
+      everything = delayed;
+      assumed = late;
+      library = std::move(forms);
+      break;
+    }
+  }
+}
+
+}  // namespace
+
+Choice::Choice(const GapRows& everything, const Split& rows_split,
+               const std::vector<const Hypothesis*>& library, const DiagnoseOptions& options, const Say& say)
+    : split(rows_split),
+      rows(everything, split.to_fit),
+      held(everything, split.to_judge),
+      search(checked(), library, options.criteria) {
+  say("choosing effects", 0.3);
+  const double first_kappa = tuned({search.best(0.0, 1).effects}, options.tolerance);
+  model = search.best(first_kappa, options.most_effects);
+  std::vector<std::vector<Adopted>> sets = {model.effects};
+  for (std::size_t k = 0; k < model.effects.size(); ++k) sets.push_back(without(model.effects, k));
+  const double kappa = tuned(sets, options.tolerance);
+  if (kappa != first_kappa) {
+    say("choosing effects again", 0.5);
+    const GapModel again = search.best(kappa, options.most_effects);
+    if (again.score > model.score) model = again;
+  }
+  keep_what_holds();
+}
+
+const GapRows& Choice::checked() const {
+  if (rows.size() < least_rows || held.size() < least_held)
+    throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
+                std::to_string(held.size()) + " to judge by are too few");
+  return rows;
+}
+
+bool Choice::left_in_held(double tolerance) const {
+  if (model.effects.empty() || left_over(rows, model.fit.residual, tolerance, criteria())) return false;
+  const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
+  return left_over(held, fit_terms(held, rest, {}, tolerance).residual, tolerance, criteria());
+}
+
+bool Choice::lateness_matters() const {
+  std::vector<Adopted> others;
+  for (const Adopted& e : model.effects)
+    if (e.h->lateness(e.units.front().shape) == 0.0) others.push_back(e);
+  if (others.size() == model.effects.size() ||
+      (others.empty() && !left_over(rows, model.fit.residual, 0.0, criteria())))
+    return false;
+  const Eigen::MatrixXd left = search.evaluate(std::move(others), model.kappa).fit.left;
+  return energy(left, rows.white_floor) - energy(model.fit.left, rows.white_floor) >
+         criteria().least_of_delay * energy(rows.y, rows.white_floor);
+}
+
+double Choice::tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const {
+  double kappa = 0.0, best = search.none(0.0).score;
+  for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
+  for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
+    if (k > 1.5 * tolerance) continue;
+    double here = search.none(k).score;
+    for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
+    if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
+  }
+  return kappa;
+}
+
+void Choice::keep_what_holds() {
+  std::vector<Adopted> once;
+  Eigen::MatrixXd rest = held.y;
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    if (model.effects[k].h->once())
+      once.push_back(model.effects[k]);
+    else
+      rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+  }
+  if (!once.empty() && worse(held, held.y, rest, rows.white_floor))
+    model = search.exchanged(search.evaluate(std::move(once), model.kappa));
+}
+
+std::unique_ptr<Choice> select(GapRows& everything, const Split& split,
+                               const std::vector<const Hypothesis*>& library, const DiagnoseOptions& options,
+                               const Say& say) {
+  auto chosen = std::make_unique<Choice>(everything, split, library, options, say);
+  if (split.several && !split.alone && chosen->left_in_held(options.tolerance)) {
+    // So is what the last log alone has beside the effects of all.
+    auto other = std::make_unique<Choice>(everything, split.swapped(), library, options, say);
+    if (has_window(other->model)) chosen = std::move(other);
+  }
+  seek_with_delay(everything, chosen, library, options, say);
+  return chosen;
+}
+
+}  // namespace dynid::detail

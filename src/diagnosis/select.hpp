@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "search.hpp"
+#include "split.hpp"
+
+namespace dynid::detail {
+
+using Say = std::function<void(const char* stage, double fraction)>;
+
+/// The effects that one part of the rows shows, and the part that judges them. Not to be copied: the search
+/// refers to the rows.
+class Choice {
+ public:
+  /// Chooses. Throws Error where the rows are too few.
+  Choice(const GapRows& everything, const Split& split, const std::vector<const Hypothesis*>& library,
+         const DiagnoseOptions& options, const Say& say);
+  Choice(const Choice&) = delete;
+  Choice& operator=(const Choice&) = delete;
+
+  /// What was chosen leaves a gap in the rows that judge, and none where it was chosen.
+  bool left_in_held(double tolerance) const;
+  /// Channels are late by what shows, and that is not all that there is.
+  bool lateness_matters() const;
+  const Criteria& criteria() const { return search.criteria(); }
+
+  const Split split;
+  const GapRows rows, held;
+  const Search search;
+  GapModel model;
+
+ private:
+  const GapRows& checked() const;
+  /// How far off the nominal parameters are is found along with the effects: an error of the model must not
+  /// be named an effect, nor an effect be taken for such an error.
+  double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;
+  /// Beside an effect that does not come back, others have to hold where it is not.
+  void keep_what_holds();
+};
+
+/// The whole selection. Where channels are late, what other effects add there is late too: `everything` is
+/// then made late as well.
+std::unique_ptr<Choice> select(GapRows& everything, const Split& split,
+                               const std::vector<const Hypothesis*>& library, const DiagnoseOptions& options,
+                               const Say& say);
+
+}  // namespace dynid::detail

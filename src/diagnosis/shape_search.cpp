@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+
+#include "propose.hpp"
+
+namespace dynid::detail {
+
+double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low,
+               double high, bool logarithmic, double best, const Gain& gain) {
+  const auto to = [&](double x) { return logarithmic ? std::log(x) : x; };
+  const Eigen::VectorXd shape = unit.shape;
+  const auto value = [&](double x, UnitShape& out) {
+    Eigen::VectorXd at = shape;
+    at[s] = logarithmic ? std::exp(x) : x;
+    out = by.made(h, unit.unit, at);
+    return gain(*out.block);
+  };
+  low = to(low), high = to(high);
+  const double g = 0.6180339887498949;  // golden section
+  double a = high - g * (high - low), b = low + g * (high - low);
+  UnitShape at_a, at_b;
+  double fa = value(a, at_a), fb = value(b, at_b);
+  for (int k = 0; k < 10; ++k) {
+    if (fa > fb) {
+      high = b, b = a, fb = fa, at_b = at_a;
+      a = high - g * (high - low);
+      fa = value(a, at_a);
+    } else {
+      low = a, a = b, fa = fb, at_a = at_b;
+      b = low + g * (high - low);
+      fb = value(b, at_b);
+    }
+  }
+  if (fa > best) best = fa, unit = at_a;
+  if (fb > best) best = fb, unit = at_b;
+  return best;
+}
+
+namespace {
+
+UnitShape refined(const Evaluator& by, const Hypothesis& h, UnitShape unit, const Gain& gain) {
+  const std::vector<ShapeParameter> shape = h.shape();
+  if (shape.empty() || h.scope() == Scope::window) return unit;
+  double best = gain(*unit.block);
+  for (int pass = 0; pass < (shape.size() > 1 ? 2 : 1); ++pass) {
+    for (Eigen::Index s = 0; s < unit.shape.size(); ++s) {
+      const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
+      if (p.points < 3) continue;
+      const double x = unit.shape[s];
+      if (p.logarithmic) {
+        const double step = std::pow(p.high / p.low, 1.0 / (p.points - 1));
+        best =
+            improve(by, h, unit, s, std::max(p.low, x / step), std::min(p.high, x * step), true, best, gain);
+      } else {
+        const double step = (p.high - p.low) / (p.points - 1);
+        best =
+            improve(by, h, unit, s, std::max(p.low, x - step), std::min(p.high, x + step), false, best, gain);
+      }
+    }
+  }
+  return unit;
+}
+
+}  // namespace
+
+UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
+                     const Gain& gain, double worth) {
+  double best = -std::numeric_limits<double>::infinity();
+  const GridPoint* point = &points.front();
+  for (const GridPoint& p : points) {
+    const double here = points.size() > 1 ? gain(*p.block) : 0.0;
+    if (here > best) best = here, point = &p;
+  }
+  const UnitShape unit_shape{unit, point->shape, point->block};
+  return points.size() > 1 && best < worth ? unit_shape : refined(by, h, unit_shape, gain);
+}
+
+}  // namespace dynid::detail
