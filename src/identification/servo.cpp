@@ -210,11 +210,16 @@ class JointSearch {
   /// By how much the motion seems to precede its command [s]; 0 where a delay of at least zero explains it.
   double earlier_command() const {
     constexpr double telling = 0.8;  // of the loss: a fifth of it goes with the delay's bound alone
-    if (solution_.joint.delay > 0.0) return 0.0;
+    if (solution_.joint.delay > 0.25 * scale_.interval) return 0.0;
     ServoProblem problem = all_;
-    problem.earliest_delay = -2;
-    const ServoSolution early = detail::fit_servo(problem, solution_.joint, free_, solution_.width, long_fit);
-    return early.cost < telling * solution_.cost ? -early.joint.delay : 0.0;
+    problem.substeps = options_.substeps;
+    const double width = solution_.width;
+    const ServoSolution bounded = detail::fit_servo(problem, solution_.joint, free_, width, short_fit);
+    problem.earliest_delay = -4;
+    ServoJoint start = solution_.joint;
+    start.delay = -scale_.interval;
+    const ServoSolution early = detail::fit_servo(problem, start, free_, width, long_fit);
+    return early.cost < telling * bounded.cost ? -early.joint.delay : 0.0;
   }
 
   const Scale& scale() const { return scale_; }
