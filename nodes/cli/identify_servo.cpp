@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/identify_servo.hpp"
 
+#include <cmath>
 #include <iomanip>
 #include <iostream>
 #include <optional>
