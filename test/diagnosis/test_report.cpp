@@ -42,7 +42,7 @@ Diagnosis example(Verdict verdict) {
     e.aliases = {"thermal_friction_drift"};
     Eigen::VectorXd value = Eigen::VectorXd::Zero(n);
     value[1] = 1.25;
-    e.parameters.push_back({"coefficient", "N m s/rad", value, 0.9 * value, 1.1 * value});
+    e.parameters.push_back({"coefficient", "N m s/rad", value, 0.9 * value, 1.1 * value, true});
     d.effects.push_back(e);
     d.next.text = "Run slowly & again.";
     d.next.separates = {{"viscous_friction", "thermal_friction_drift"}};
