@@ -4,6 +4,7 @@
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <algorithm>
 #include <map>
 #include <mutex>
 
@@ -63,6 +64,7 @@ class Reader {
  public:
   Reader(const std::string& text, const std::string& name, bool collision) : name_(name) {
     chain_.elements = index_xml(text, name);
+    check_kind();
     check_tree();
     const CapturedLog log;
     try {
@@ -113,6 +115,22 @@ class Reader {
     return rest.append(text, kept, std::string::npos);
   }
 
+  /// What is not a URDF yet, or never was one.
+  void check_kind() const {
+    const std::string& root = chain_.elements.front().tag;
+    if (root == "sdf")
+      throw Error(name_ +
+                  ": this is an SDF: give the URDF that it was made from, or convert it (sdformat_urdf)");
+    for (const XmlElement& element : chain_.elements) {
+      bool macro = element.tag.compare(0, 6, "xacro:") == 0;
+      for (const auto& [key, value] : element.attributes)
+        macro = macro || value.find("${") != std::string::npos || value.find("$(") != std::string::npos;
+      if (macro)
+        throw Error(name_ + ":" + std::to_string(element.line) +
+                    ": unexpanded xacro: expand it first, `xacro FILE > robot.urdf`");
+    }
+  }
+
   /// A link that two joints carry is no error for urdfdom, and a closed ring one that names nothing.
   void check_tree() const {
     std::map<std::string, std::pair<std::string, std::string>> up;  // link -> (joint, its parent link)
@@ -158,7 +176,61 @@ class Reader {
     return names;
   }
 
+  /// Joints on the longest way from `link` outwards.
+  int depth(const urdf::Link& link) const {
+    int most = 0;
+    for (const auto& joint : link.child_joints)
+      most = std::max(most, (is_fixed(*joint) ? 0 : 1) + depth(*model_->getLink(joint->child_link_name)));
+    return most;
+  }
+
+  /// The tips of the arms beyond `at`, `joints` from the base: a link beyond which there are only short
+  /// branches (the fingers of a hand), or nothing that moves.
+  void collect_tips(urdf::LinkConstSharedPtr at, int joints,
+                    std::vector<std::pair<std::string, int>>& tips) const {
+    constexpr int finger = 3;  // joints, at most
+    for (;;) {
+      std::vector<urdf::JointConstSharedPtr> ways;
+      for (const auto& joint : at->child_joints)
+        if (moves(*model_, *joint)) ways.push_back(joint);
+      const auto beyond = [&](const urdf::JointConstSharedPtr& joint) {
+        return (is_fixed(*joint) ? 0 : 1) + depth(*model_->getLink(joint->child_link_name));
+      };
+      if (ways.size() > 1) {
+        bool arms = joints == 0;  // a hand alone has fingers for arms
+        for (const auto& joint : ways) arms = arms || beyond(joint) > finger;
+        if (arms) {
+          for (const auto& joint : ways)
+            if (joints == 0 || beyond(joint) > finger)
+              collect_tips(model_->getLink(joint->child_link_name), joints + (is_fixed(*joint) ? 0 : 1),
+                           tips);
+          return;
+        }
+      }
+      if (ways.size() != 1) {
+        tips.push_back({at->name, joints});
+        return;
+      }
+      joints += is_fixed(*ways.front()) ? 0 : 1;
+      at = model_->getLink(ways.front()->child_link_name);
+    }
+  }
+
+  /// `--tip left_hand (7 joints), ...`, the longest arms first.
+  std::string tips(const urdf::LinkConstSharedPtr& base) const {
+    std::vector<std::pair<std::string, int>> list;
+    collect_tips(base, 0, list);
+    std::stable_sort(list.begin(), list.end(),
+                     [](const auto& a, const auto& b) { return a.second > b.second; });
+    std::string text;
+    for (std::size_t k = 0; k < list.size() && k < 6; ++k)
+      text += (k ? ", " : "") + ("--tip " + list[k].first) + " (" + std::to_string(list[k].second) +
+              (list[k].second == 1 ? " joint)" : " joints)");
+    return text + (list.size() > 6 ? ", ..." : "");
+  }
+
   urdf::LinkConstSharedPtr default_tip(urdf::LinkConstSharedPtr at) const {
+    const urdf::LinkConstSharedPtr base = at;
     for (;;) {
       urdf::JointConstSharedPtr next;
       int ways = 0;
@@ -169,7 +241,7 @@ class Reader {
       }
       if (ways > 1) {
         throw Error(name_ + ": moving joints branch at link '" + at->name +
-                    "': choose a base and a tip (leaves: " + leaves(*at) + ")");
+                    "': choose a base and a tip: " + tips(base));
       }
       if (ways == 0) {
         if (at->child_joints.size() != 1) return at;

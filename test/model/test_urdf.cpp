@@ -282,7 +282,7 @@ TEST(Urdf, TheTipIsFoundWhereThereIsOneWayOn) {
                               joint_text("f1", "prismatic", "flange", "left") +
                               joint_text("f2", "prismatic", "flange", "right");
   EXPECT_EQ(error_of([&] { parse_urdf(with(fingers), "arm"); }),
-            "arm: moving joints branch at link 'flange': choose a base and a tip (leaves: 'left', 'right')");
+            "arm: moving joints branch at link 'flange': choose a base and a tip: --tip flange (2 joints)");
   EXPECT_EQ(parse_urdf(with(fingers), "arm", "", "flange").size(), 2);
   EXPECT_EQ(parse_urdf(with(fingers), "arm", "", "left").size(), 3);
 }

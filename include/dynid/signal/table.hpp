@@ -7,12 +7,16 @@
 
 namespace dynid {
 
-/// A CSV file of numbers: a header line that names the columns, then one row of finite numbers a line.
+/// A CSV file of numbers: a header line that names the columns, then one row of numbers a line.
 struct Table {
   std::string source;              ///< file name, for messages
   std::vector<std::string> names;  ///< columns, left to right
   Eigen::MatrixXd values;          ///< rows x columns, column-major
   std::vector<long> lines;         ///< line of the file that each row stands on, from 1
+  /// Of a lenient reading: for each column what read_table() would have said of its first text that is no
+  /// number
+  /// (`file:line: column x: 'abc' is not a number`); empty where there is none.
+  std::vector<std::string> not_numbers;
 
   /// Column index of `name`, or -1.
   int find(const std::string& name) const noexcept;
@@ -23,10 +27,20 @@ struct Table {
   int count(const std::string& prefix) const noexcept;
 };
 
-/// Reads a CSV file; lines that start with `#` and blank lines are skipped. Throws Error naming file, line
-/// and column: unreadable or empty file, no header, a column named twice, a row with too few or too many
-/// fields, text where a number should be, a number that is not finite, no row at all.
-Table read_table(const std::string& path);
+struct TableOptions {
+  /// Fields that are empty, not finite or no number become NaN, for the caller to judge column by column; a
+  /// column named twice keeps both.
+  bool lenient = false;
+};
+
+/// Reads a CSV file; lines that start with `#` and blank lines are skipped (but a `#` line of names straight
+/// above numbers is the header). Fields are separated by commas, semicolons, tabs or blanks, as the header
+/// is; a decimal comma, quotes, a byte order mark, CRLF and a separator at the end of a line are understood.
+/// Throws Error naming file, line and column: unreadable or empty file, no header, a column named twice, a
+/// row with too few or too many fields, text where a number should be, a number that is not finite, no row at
+/// all; and, by its first bytes, a file of another kind (ROS bag, SQLite, MCAP, parquet, NumPy, MATLAB, HDF5,
+/// zip, gzip, XML, JSON), with what to do.
+Table read_table(const std::string& path, const TableOptions& options = {});
 
 /// Writes `values` (rows x names.size()) as CSV, whole or not at all, each number in the shortest form that
 /// reads back to the same double. Throws Error.

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dynid/model/robot.hpp"
+#include "dynid/signal/log.hpp"
+
+namespace dynid {
+
+/// One way in which a log speaks another language than the model.
+struct Convention {
+  /// torque_sign, joint_sign, joint_order, joint_zero, position_unit, velocity_unit, torque_unit,
+  /// torque_is_motor_side, torque_without_gravity, torque_is_magnitude, torque_is_current, gravity, time_unit
+  std::string name;
+  std::vector<int> joints;  ///< from 1; empty when it concerns the whole log
+  double value = 0.0;       ///< sign, factor to SI, angle [rad]; for gravity its angle to the model's [rad]
+  double explained_before =
+      0.0;  ///< part of the torque's energy that the model explains as the log stands, mean
+            ///< over the joints concerned; of the velocity's for velocity and time units
+  double explained_after = 0.0;  ///< the same, read with all of the report's conventions
+  std::string assume;            ///< `KEY=VALUE`, for parse_assumptions()
+  std::string text;              ///< one sentence for a person
+};
+
+/// What find_conventions() found.
+struct ConventionReport {
+  std::vector<Convention> conventions;  ///< empty: the log means what the model takes it to mean
+  std::string assume;                   ///< all of them, for parse_assumptions(); empty when there are none
+  double explained = 0.0;               ///< by the model as the log stands, mean over the joints
+  std::string runner_up;  ///< the next best reading, as a text for parse_assumptions(); may be empty
+  double runner_up_explained = 0.0;
+};
+
+struct ConventionOptions {
+  int rows = 640;  ///< states looked at: some hundred tell readings apart, more only cost time
+  /// A reading is a misreading only when, on the joints that it concerns, the model explains less than
+  /// `most_before` of the torque's energy as the log stands, more than `least_after` when read that way, and
+  /// leaves at most 1 / `least_gain` of the residual: a payload, a wrong link or a tilt leaves much
+  /// explained, and no other reading explains the rest.
+  double most_before = 0.4;
+  double least_after = 0.6;
+  double least_gain = 5.0;
+};
+
+/// Asks whether logs mean what a model takes them to mean, before any effect is sought. At some hundred
+/// states, with a free offset, Coulomb, viscous and rotor coefficient for each joint (friction and rotor
+/// inertia not negative), it compares the torque that the nominal rigid body explains under each reading:
+/// signs, order and zeros of joints, units, motor side, gravity; alone and the usual ones together.
+///
+/// `nominal`: the robot with its inertial parameters; its friction, rotor inertia and effects are not used.
+/// Where all parameters are zero nothing is found. `logs`: as read, with t, q and tau, one convention for
+/// all. Deterministic; uses the calling thread only. Throws Error on logs whose number of joints is not the
+/// robot's.
+ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& logs,
+                                  const ConventionOptions& options = {});
+
+/// How to read a log: what `--assume` says. Defaults change nothing.
+struct Assumptions {
+  std::vector<int> order;       ///< joint j (from 0) is the log's joint order[j]; empty: as they stand
+  Eigen::VectorXd joint_sign;   ///< n, +-1: of position, velocity, acceleration and torque; empty: 1
+  Eigen::VectorXd torque_sign;  ///< n, +-1: of the torque alone; empty: 1
+  Eigen::VectorXd zero;         ///< n [rad or m], added to the position (after its sign); empty: 0
+  double position_unit = 1.0;   ///< [rad] that one of the log's is, of revolute joints
+  double velocity_unit = 1.0;   ///< [rad/s]
+  bool velocity_from_position = false;     ///< the log's velocity is left out
+  double time_unit = 1.0;                  ///< [s]
+  Eigen::VectorXd torque_factor;           ///< n [N m] that one of the log's is; empty: 1
+  bool without_gravity = false;            ///< the nominal gravity torque is added to the log's
+  bool magnitude = false;                  ///< the log's torque gets the sign of the nominal's
+  std::optional<Eigen::Vector3d> gravity;  ///< [m/s^2] in the base frame, in the model
+  /// True when nothing is assumed.
+  bool empty() const;
+};
+
+/// Reads `KEY=VALUE,...`. n: number of joints. The keys are the names of Convention:
+/// `torque_sign=-1` or one sign for each joint, base to tip; `joint_sign=1,-1,...`; `joint_order=2,1,3`
+/// (joint 1 is the log's second); `joint_zero=0,1.5708,...` [rad or m], added; `position_unit=deg|turn|rad`;
+/// `velocity_unit=deg/s|rpm|rad/s|from_position` or a factor; `torque_unit=Nmm|Ncm|kgfcm|kgfm|lbfin|Nm` or a
+/// factor; `torque_is_motor_side=` and `torque_is_current=` a factor, or one for each joint [N m per unit];
+/// `torque_without_gravity=1`; `torque_is_magnitude=1`; `gravity=x,y,z` [m/s^2]; `time_unit=ms|us|ns|s`.
+/// Throws Error naming the key and what is wrong with it.
+Assumptions parse_assumptions(const std::string& text, int n);
+
+/// The log read that way, in this order: time, order, units, signs, zeros, torque. `nominal` (after
+/// apply_conventions(assumptions, robot)) gives gravity and signs where they are asked for. Throws Error
+/// where the log's number of joints is another.
+Log apply_conventions(const Assumptions& assumptions, const Robot& nominal, Log log);
+
+/// The robot mounted as assumed: its gravity.
+Robot apply_conventions(const Assumptions& assumptions, Robot robot);
+
+}  // namespace dynid
