@@ -377,6 +377,7 @@ Adopted Search::propose_coupled(const Hypothesis& h, const Grid& grid, const Bas
                                                          Eigen::VectorXd::Ones(1), best[u].shape);
     gains[u] = possible ? gain(*best[u].block) - price(h, best[u]) : -std::numeric_limits<double>::infinity();
   });
+  if (gains.empty()) return effect;  // a pair, of a robot with one joint
   const auto first = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
   if (!std::isfinite(gains[first])) return effect;
   effect.units = {best[first]};
