@@ -9,6 +9,7 @@ class CoulombFriction : public OwnTorque {
  public:
   CoulombFriction() : OwnTorque("coulomb_friction", {{"coefficient", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override { return {sign_width(s)}; }
   bool enter(Robot& robot, const Effect& effect) const override {
     // A joint has one smoothed sign: where it already has a Coulomb term of another width, the effect stays
     // one of its own.
@@ -20,6 +21,11 @@ class CoulombFriction : public OwnTorque {
       f.velocity_scale = joint_value(robot, effect, "velocity_scale", j - 1);
     }
     return true;
+  }
+
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const override {
+    return hinders(robot, unit, 3.0 * shape[0], c[0]);
   }
 
  protected:
