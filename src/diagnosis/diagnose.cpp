@@ -8,8 +8,10 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/effect/enter.hpp"
 #include "energy.hpp"
+#include "gap_size.hpp"
 #include "gap_test.hpp"
 #include "held_out.hpp"
 #include "intervals.hpp"
@@ -69,6 +71,8 @@ void refuse(const GapRows& everything, const std::vector<bool>& held_out,
   out.verdict = Verdict::data_invalid;
   out.shrink.before = out.shrink.after = out.rms;
   out.shrink.floor = out.floor;
+  out.upper = out.rms;
+  out.tolerance = Eigen::VectorXd::Zero(out.rms.size());
   out.series = {everything.log, everything.t, everything.y, everything.y, held_out};
   for (const auto& h : hypotheses())
     if (out.ranking.empty() || out.ranking.back().name != h->name()) out.ranking.push_back({h->name()});
@@ -77,7 +81,7 @@ void refuse(const GapRows& everything, const std::vector<bool>& held_out,
 
 /// The effects that are named, with their intervals, over all rows that show them.
 std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, const Choice& choice,
-                               const Judged& judged, const Ranked& ranked, unsigned seed) {
+                               const Judged& judged, unsigned seed) {
   const GapRows& whole = judged.windowed ? choice.rows : everything;
   GapModel model = judged.model;
   model.effects = carried(whole, model.effects);
@@ -85,8 +89,8 @@ std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, 
   std::vector<FoundEffect> out;
   for (const std::size_t k : by_share(judged.shares)) {
     out.push_back(found_effect(nominal, whole, model, k, seed + static_cast<unsigned>(k)));
-    out.back().probability = ranked.probability[k];
-    out.back().aliases = ranked.aliases[k];
+    out.back().probability = judged.ranked.probability[k];
+    out.back().aliases = judged.ranked.aliases[k];
     out.back().share = judged.shares[k];
   }
   return out;
@@ -132,6 +136,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   const Split parts = split(everything, static_cast<int>(logs.size()), options.tolerance, options.criteria);
   out.rms = rms(everything.y);
   out.floor = everything.white_floor;
+  for (const Joint& joint : nominal.joints) out.unit.push_back(joint_units(joint.type).torque);
   const std::vector<DataIssue> invalid = unusable(logs, out.logs);
   for (PreparedLog& log : out.logs) log.segments.clear();
   if (!invalid.empty()) {
@@ -141,39 +146,40 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   }
 
   const std::vector<const Hypothesis*> library = library_of(options);
-  const std::unique_ptr<Choice> choice = select(everything, parts, library, options, say);
+  GapRows moving = everything.moving(options.criteria.at_rest);
+  const std::unique_ptr<Choice> choice = select(moving, parts, library, options, say);
+  everything = everything.late(moving.lateness());
   const GapRows& rows = choice->rows;
   const GapModel none = choice->search.none(choice->model.kappa);
   out.nominal_error = choice->model.kappa;
 
   say("surrogates", 0.7);
-  out.p_value = structure_p_value(rows, choice->search.blocks(), none.fit.residual,
-                                  surrogates(rows, none.fit.residual, options.surrogates, options.seed));
+  out.structure_p_value =
+      structure_p_value(rows, choice->search.blocks(), none.fit.residual,
+                        surrogates(rows, none.fit.residual, options.surrogates, options.seed));
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd residual = rms(choice->model.fit.residual);
   out.floor = residual.cwiseMin(options.criteria.floor_room * rows.white_floor).cwiseMax(rows.white_floor);
   out.where = locate(rows, residual.cwiseMax(rows.white_floor),
                      surrogates(rows, rows.y, options.surrogates, options.seed));
 
-  const Judged judged = judge(*choice, out.floor, out.p_value, options);
+  const GapSize size = gap_size(everything, out.floor, options.tolerance, options.criteria);
+  out.p_value = size.p_value;
+  out.upper = size.upper;
+  out.tolerance = size.tolerance;
+
+  say("alternatives", 0.8);
+  const Judged judged = judge(*choice, out.floor, size, out.structure_p_value, options);
   out.explained = judged.explained;
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
 
-  say("alternatives", 0.8);
-  const Ranked ranked = rank(*choice, judged, library);
-  out.ranking = ranked.ranking;
-  if (adopts(out.verdict)) out.effects = named(nominal, everything, *choice, judged, ranked, options.seed);
-
-  say("shrink", 0.95);
-  const GapRows& held = choice->held;
-  const auto left_of_held = [&]() -> Eigen::MatrixXd {
-    if (!adopts(out.verdict)) return held.y;
-    return held.y - contribution(held, judged.model, judged.model.fit.theta);
-  };
-  out.shrink = judged.within ? judged.shrink : shrink_of(held, left_of_held(), out.floor, options.seed);
+  out.ranking = judged.ranked.ranking;
+  out.shrink = judged.shrink;
+  say("intervals", 0.95);
+  if (adopts(out.verdict)) out.effects = named(nominal, moving, *choice, judged, options.seed);
   std::vector<std::string> names;
   for (const Log& log : logs) names.push_back(log.source);
   put_series(nominal, everything, *choice, judged, names, out);

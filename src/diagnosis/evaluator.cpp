@@ -27,6 +27,20 @@ double Evaluator::price(const Hypothesis& h, const UnitShape& unit) const {
          (h.scope() == Scope::arm ? 0.0 : std::log(double(rows.joints())));
 }
 
+bool Evaluator::plausible(const GapModel& model) const {
+  Eigen::Index at = 0;
+  for (const Adopted& e : model.effects) {
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      const Eigen::VectorXd c =
+          p > 0 ? Eigen::VectorXd(model.fit.theta.segment(at, p)) : Eigen::VectorXd::Ones(1);
+      if (!plausible(*e.h, u.unit, c, u.shape)) return false;
+      at += p;
+    }
+  }
+  return true;
+}
+
 GapModel Evaluator::evaluate(std::vector<Adopted> effects, double kappa) const {
   GapModel model;
   model.fit = fit_terms(rows, rows.y, terms_of(effects), kappa);

@@ -48,6 +48,13 @@ class Evaluator {
   double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
   double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;
 
+  /// Whether coefficients and shape can be those of such an effect on such a joint, and on these logs.
+  bool plausible(const Hypothesis& h, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const {
+    return h.plausible(robot(), unit, c, shape) && h.reachable(rows.range, unit, c, shape);
+  }
+  /// And so of every unit of every effect of a model.
+  bool plausible(const GapModel& model) const;
   const Robot& robot() const { return rows.motions().front().robot(); }
 
   const GapRows& rows;

@@ -18,7 +18,7 @@ constexpr double own_size = 0.5, room = 3.0;
 constexpr double latest = 2.0;
 
 /// Yule-Walker: biased autocovariances over the parts, hence always stable.
-ChannelNoise estimate(const GapRows& rows, const Eigen::VectorXd& e) {
+ChannelNoise estimate(const GapRows& rows, int joint, const Eigen::VectorXd& e) {
   Eigen::VectorXd r = Eigen::VectorXd::Zero(order + 1);
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
     const Eigen::Index size = rows.parts[p + 1] - rows.parts[p];
@@ -33,7 +33,7 @@ ChannelNoise estimate(const GapRows& rows, const Eigen::VectorXd& e) {
   noise.ar = R.ldlt().solve(r.tail(order));
   noise.variance = 1.0;
   const Eigen::MatrixXd w = whitened(rows, e, noise);
-  noise.variance = w.squaredNorm() / double(w.rows()) + 1e-18;
+  noise.variance = w.squaredNorm() / double(w.rows()) * (double(rows.size()) / rows.active[joint]) + 1e-18;
   return noise;
 }
 
@@ -92,10 +92,10 @@ void finish(const GapRows& rows, int joint, const Normal& normal, double log_det
     residual.noalias() -=
         rows.nuisance[static_cast<std::size_t>(joint)] * (kappa * delta.head(delta.size() - 1));
   const double prior = delta.squaredNorm();
-  noise = estimate(rows, residual);
-  const double size = residual.squaredNorm() / double(rows.size()), floor = room * rows.white_floor[joint];
-  evidence = -0.5 * (double(rows.size()) * ((1.0 - own_size) * std::log(noise.variance) +
-                                            own_size * std::log(size + floor * floor + 1e-18)) +
+  noise = estimate(rows, joint, residual);
+  const double size = residual.squaredNorm() / rows.active[joint], floor = room * rows.white_floor[joint];
+  evidence = -0.5 * (rows.active[joint] * ((1.0 - own_size) * std::log(noise.variance) +
+                                           own_size * std::log(size + floor * floor + 1e-18)) +
                      prior + log_det);
 }
 
@@ -159,14 +159,17 @@ void keep_possible(const Assembled& all, const Eigen::MatrixXd& G, const Eigen::
     std::vector<Eigen::Index> others, own;
     for (Eigen::Index k = 0; k < all.size; ++k) (k < at || k >= at + p ? others : own).push_back(k);
     at += p;
-    if (term.of == nullptr || term.of->possible(mine)) continue;
+    const Eigen::VectorXd& nominal = term.block->nominal;
+    if (term.of == nullptr || nominal.size() == 0) continue;
+    const Eigen::VectorXd whole = mine + nominal;
+    if (term.of->possible(whole)) continue;
     Eigen::MatrixXd information = G(own, own);
     if (rest > 0) {
       Eigen::MatrixXd A = G(others, others);
       A.diagonal() *= 1.0 + 1e-10;
       information -= G(own, others) * A.ldlt().solve(G(others, own));
     }
-    const Eigen::VectorXd nearest = term.of->nearest_possible(mine, information);
+    const Eigen::VectorXd nearest = term.of->nearest_possible(whole, information) - nominal;
     theta(own) = nearest;
     if (rest > 0) theta(others) = solve(G(others, others), h(others) - G(others, own) * nearest, nullptr);
   }
@@ -247,6 +250,20 @@ Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, dou
   out.llt.compute(A);
   out.log_det = 2.0 * out.llt.matrixLLT().diagonal().array().log().sum();
   return out;
+}
+
+double evidence_with_form(const GapRows& rows, const Fit& fit, const Eigen::VectorXd& size,
+                          const Eigen::VectorXd& innovation) {
+  double total = fit.total;
+  for (Eigen::Index j = 0; j < fit.residual.cols(); ++j) {
+    const double variance = fit.noise[static_cast<std::size_t>(j)].variance,
+                 floor = room * rows.white_floor[j],
+                 left = fit.residual.col(j).squaredNorm() / rows.active[j] + floor * floor + 1e-18;
+    total -=
+        0.5 * rows.active[j] *
+        ((1.0 - own_size) * std::log1p(innovation[j] / variance) + own_size * std::log1p(size[j] / left));
+  }
+  return total;
 }
 
 ChannelNoise white(const Eigen::VectorXd& y) {

@@ -42,6 +42,11 @@ struct ChannelFit {
   double evidence = 0.0;
 };
 
+/// A fit's log evidence with a form error that its noise does not know: `size` and `innovation` (n each)
+/// [(N m)^2], the variance that it adds to the residual and, through the noise's filter, to the innovations.
+double evidence_with_form(const GapRows& rows, const Fit& fit, const Eigen::VectorXd& size,
+                          const Eigen::VectorXd& innovation);
+
 /// A joint's noise and what the nominal model's errors look like through it: what every fit by that noise
 /// shares.
 struct Whitener {

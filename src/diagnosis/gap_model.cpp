@@ -57,6 +57,22 @@ Fit fit_of(const GapRows& rows, const std::vector<Adopted>& effects, double kapp
   return fit_terms(rows, rows.y, terms_of(effects), kappa);
 }
 
+Eigen::MatrixXd own_contribution(const GapModel& model, std::size_t which) {
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(model.fit.left.rows(), model.fit.left.cols());
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < which; ++k) at += model.effects[k].coefficients();
+  const Adopted& e = model.effects[which];
+  for (const UnitShape& u : e.units) {
+    const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+    for (std::size_t i = 0; i < u.block->channels.size(); ++i)
+      sum.col(u.block->channels[i]) +=
+          p > 0 ? Eigen::VectorXd(u.block->values[i] * model.fit.theta.segment(at, p))
+                : Eigen::VectorXd(u.block->values[i].rowwise().sum());
+    at += p;
+  }
+  return sum;
+}
+
 Eigen::MatrixXd contribution(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& theta,
                              std::ptrdiff_t only) {
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows.size(), rows.joints());

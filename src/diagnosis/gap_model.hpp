@@ -45,6 +45,8 @@ std::vector<Adopted> without(const std::vector<Adopted>& effects, std::size_t wh
 /// The same effects, shapes and joints over other rows.
 std::vector<Adopted> carried(const GapRows& rows, const std::vector<Adopted>& effects);
 Fit fit_of(const GapRows& rows, const std::vector<Adopted>& effects, double kappa);
+/// What one effect of a model adds in the rows that the model was fitted to.
+Eigen::MatrixXd own_contribution(const GapModel& model, std::size_t which);
 /// What the effects of a model add in any rows, with coefficients `theta`: all of them, or the one at `only`.
 Eigen::MatrixXd contribution(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& theta,
                              std::ptrdiff_t only = -1);

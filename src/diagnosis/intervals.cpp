@@ -133,7 +133,6 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   const double factor = model.kappa > 0.0 ? calibration().interval_factor_off : calibration().interval_factor;
-  const std::vector<ShapeParameter> ranges = e.h->shape();
   for (int d = 0; d < draws; ++d) {
     Eigen::VectorXd z(root.cols());
     for (double& x : z) x = normal(random);
@@ -141,7 +140,7 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
     std::vector<Eigen::VectorXd> moved = shapes;
     for (std::size_t k = 0; k < slopes.of.size(); ++k) {
       const auto& [unit, s] = slopes.of[k];
-      const ShapeParameter& range = ranges[static_cast<std::size_t>(s)];
+      const ShapeParameter range = rows.shape(*e.h, e.units[unit].unit)[static_cast<std::size_t>(s)];
       moved[unit][s] =
           std::clamp(moved[unit][s] + change[mine + static_cast<Eigen::Index>(k)], range.low, range.high);
     }

@@ -46,7 +46,7 @@ class Judge {
 
   /// Too little for so many: perhaps enough for fewer.
   void reduce(Judged& out) const {
-    while (out.model.effects.size() > 1 && out.explained < needed(out.model)) {
+    while (out.model.effects.size() > 1 && out.explained < enough_of(out.model)) {
       const auto least = std::min_element(out.shares.begin(), out.shares.end()) - out.shares.begin();
       GapModel smaller = choice_.search.evaluate(without(out.model.effects, static_cast<std::size_t>(least)),
                                                  out.model.kappa);
@@ -60,22 +60,82 @@ class Judge {
     }
   }
 
-  Verdict verdict(const Judged& out, double p_value) const {
-    const GapModel& model = out.model;
-    if (model.effects.empty()) {
-      if (unexplained(model.fit.residual, model.kappa)) return Verdict::unexplained;
-      return p_value <= criteria_.detection ? Verdict::not_detected : Verdict::no_gap;
+  /// Effects that may as well not be there, or that take nothing of the gap, are left out one by one, least
+  /// probable first.
+  void prune(Judged& out) const {
+    while (out.model.effects.size() > 1) {
+      std::size_t least = 0;
+      double lowest = 1.0;
+      for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
+        const double here = out.shares[k] < criteria_.least_share ? 0.0 : needed(choice_, out.model, k);
+        if (here < lowest) lowest = here, least = k;
+      }
+      if (lowest >= criteria_.least_probability) break;
+      out.model = choice_.search.evaluate(without(out.model.effects, least), out.model.kappa);
+      measure(out);
     }
-    if (out.explained < needed(model) || inexact(model, out.shares, 1.0 - out.explained))
-      return unexplained(choice_.search.none(model.kappa).fit.residual, model.kappa) ? Verdict::unexplained
-                                                                                     : Verdict::not_detected;
-    return unexplained(model.fit.residual, model.kappa) && out.explained < criteria_.fully_explained
+    out.ranked = rank(choice_, out.model, out.shares, out.explained, noise_);
+  }
+
+  /// What the model explains, and the shares of its effects.
+  void measure(Judged& out) const {
+    out.explained = explained(out.model, out.shrink);
+    out.shares = shapley_shares(choice_.search, out.model, noise_);
+  }
+
+  Verdict verdict(Judged& out, const GapSize& size, double structure) const {
+    const GapModel& model = out.model;
+    const bool there = size.p_value <= criteria_.detection;
+    say(out, "detection", size.p_value, criteria_.detection, there,
+        there ? "the gap is larger than the tolerance and the noise make it"
+              : "tolerance and noise make as large a gap");
+    const double ratio = (size.upper.array() / size.tolerance.array().max(1e-300)).maxCoeff();
+    say(out, "tolerance", ratio, 1.0, size.within(),
+        size.within() ? "the upper limit of the gap is within the tolerance on every joint"
+                      : "the upper limit of the gap is above the tolerance on a joint");
+    const Verdict without_effects = size.within() ? Verdict::no_gap
+                                    : there && unexplained(model_of_none(model), model.kappa)
+                                        ? Verdict::unexplained
+                                        : Verdict::not_detected;
+    if (model.effects.empty()) {
+      say(out, "structure", structure, criteria_.detection, structure <= criteria_.detection,
+          "chance that a gap unrelated to the motion is explained as well by any effect");
+      return without_effects;
+    }
+    const bool enough = out.explained >= enough_of(model);
+    say(out, "least_explained", out.explained, enough_of(model), enough,
+        "part of the gap that the effects explain, where they were fitted and where they were not");
+    const bool exact = !inexact(model, out.shares, 1.0 - out.explained);
+    say(out, "left_by_exact", 1.0 - out.explained, blamed(model, out.shares), exact,
+        "part of the gap that is left, beside what the effects' forms can be blamed for");
+    if (!enough || !exact) return without_effects;
+    const bool left = unexplained(model.fit.residual, model.kappa);
+    say(out, "fully_explained", out.explained, criteria_.fully_explained,
+        !left || out.explained >= criteria_.fully_explained,
+        left ? "what is left is above the noise" : "what is left is within the noise");
+    const double least = *std::min_element(out.ranked.probability.begin(), out.ranked.probability.end());
+    const bool sure = least >= criteria_.least_probability,
+               shrinks = out.shrink.fraction >= criteria_.least_shrink;
+    say(out, "least_probability", least, criteria_.least_probability, sure,
+        "probability of the least sure effect within the set");
+    say(out, "least_shrink", out.shrink.fraction, criteria_.least_shrink, shrinks,
+        "part by which the gap shrinks on data that neither chose nor fitted anything");
+    if (!(out.shrink.fraction > 0.0) && !has_once(model)) return without_effects;
+    if (size.within() && least < criteria_.least_probability_within) return without_effects;
+    return (left && out.explained < criteria_.fully_explained) || !sure || !shrinks
                ? Verdict::partly_explained
                : Verdict::explained;
   }
 
+  Shrink shrink_in_held(const GapModel& model, bool adopted) const {
+    const GapRows& held = choice_.held;
+    const Eigen::MatrixXd rest =
+        adopted ? Eigen::MatrixXd(held.y - contribution(held, model, model.fit.theta)) : held.y;
+    return shrink_of(held, rest, noise_, options_.seed);
+  }
+
  private:
-  double needed(const GapModel& m) const {
+  double enough_of(const GapModel& m) const {
     return criteria_.least_explained(static_cast<int>(m.effects.size()));
   }
   bool unexplained(const Eigen::MatrixXd& residual, double kappa) const {
@@ -83,6 +143,20 @@ class Judge {
   }
   double taken(const GapRows& of, const Eigen::MatrixXd& residual) const {
     return std::clamp(shrink_fraction(of.y, residual, noise_), 0.0, 1.0);
+  }
+
+  static void say(Judged& out, const char* criterion, double value, double threshold, bool passed,
+                  const char* text) {
+    out.judgement.push_back({criterion, value, threshold, passed, text});
+  }
+  Eigen::MatrixXd model_of_none(const GapModel& model) const {
+    return choice_.search.none(model.kappa).fit.residual;
+  }
+  double blamed(const GapModel& model, const std::vector<double>& shares) const {
+    double part = criteria_.left_by_exact;
+    for (std::size_t k = 0; k < model.effects.size(); ++k)
+      if (model.effects[k].h->approximate()) part += shares[k];
+    return part;
   }
 
   /// More is left than the effects' forms can be blamed for, those that are not exact having taken `shares`
@@ -93,18 +167,12 @@ class Judge {
     std::vector<double> sorted(ratio.begin(), ratio.end());
     std::nth_element(sorted.begin(), sorted.begin() + ratio.size() / 2, sorted.end());
     const double usual = std::max(criteria_.floor_room, sorted[static_cast<std::size_t>(ratio.size() / 2)]);
-    double blamed = criteria_.left_by_exact;
     bool more = false;
-    for (std::size_t k = 0; k < model.effects.size(); ++k) {
-      const Adopted& e = model.effects[k];
-      if (e.h->approximate()) {
-        blamed += shares[k];
-        continue;
-      }
+    for (const Adopted& e : model.effects)
       for (const UnitShape& u : e.units)
-        for (const int j : u.block->channels) more = more || ratio[j] > criteria_.most_of_exact * usual;
-    }
-    return more && left > blamed;
+        for (const int j : u.block->channels)
+          more = more || (!e.h->approximate() && ratio[j] > criteria_.most_of_exact * usual);
+    return more && left > blamed(model, shares);
   }
 
   const Choice& choice_;
@@ -115,17 +183,19 @@ class Judge {
 
 }  // namespace
 
-Judged judge(const Choice& choice, const Eigen::VectorXd& noise, double p_value,
-             const DiagnoseOptions& options) {
+Judged judge(const Choice& choice, const Eigen::VectorXd& noise, const GapSize& size,
+             double structure_p_value, const DiagnoseOptions& options) {
   const Judge by(choice, noise, options);
   Judged out;
   out.model = choice.model;
-  out.explained = by.explained(out.model, out.shrink);
-  out.shares = shapley_shares(choice.search, out.model, noise);
+  by.measure(out);
   by.reduce(out);
+  by.prune(out);
   out.windowed = has_window(out.model);
   out.within = out.windowed || (choice.split.alone && !out.model.effects.empty());
-  out.verdict = by.verdict(out, p_value);
+  if (!out.within) out.shrink = by.shrink_in_held(out.model, true);
+  out.verdict = by.verdict(out, size, structure_p_value);
+  if (!out.within && !adopts(out.verdict)) out.shrink = by.shrink_in_held(out.model, false);
   return out;
 }
 

@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "gap_size.hpp"
+#include "rank.hpp"
 #include "select.hpp"
 
 namespace dynid::detail {
@@ -12,15 +14,17 @@ struct Judged {
   GapModel model;              ///< the choice, or what of it holds
   std::vector<double> shares;  ///< of each of its effects
   double explained = 0.0;      ///< least part of the gap's energy that they explain, fitted or held out
-  Shrink shrink;               ///< within a window or the only log that shows the gap; else not yet found
+  Ranked ranked;               ///< of the model, or of what was left out of it for being too little
+  Shrink shrink;               ///< where nothing was chosen or fitted
   bool windowed = false, within = false;
   Verdict verdict = Verdict::no_gap;
   std::vector<Judgement> judgement;
 };
 
-/// Whether the effects of a choice are the whole story. `noise`: n [N m rms], the floor.
-Judged judge(const Choice& choice, const Eigen::VectorXd& noise, double p_value,
-             const DiagnoseOptions& options);
+/// Whether the effects of a choice are the whole story. `noise`: n [N m rms], the floor; `structure_p_value`:
+/// see structure_p_value().
+Judged judge(const Choice& choice, const Eigen::VectorXd& noise, const GapSize& size,
+             double structure_p_value, const DiagnoseOptions& options);
 
 /// Whether the effects of the verdict are named.
 inline bool adopts(Verdict verdict) {

@@ -17,8 +17,8 @@ struct GridPoint {
 };
 using Grid = std::vector<std::vector<GridPoint>>;  ///< unit, point
 
-/// Shapes of an effect's grid.
-std::vector<Eigen::VectorXd> grid_points(const Hypothesis& h);
+/// Shapes of the grid of one unit of an effect.
+std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& h, int unit);
 
 /// The best form of one effect beside those of `base`: no units where there is none. The strategy follows
 /// from the effect's scope: in each joint's own torque, in the torques of several joints, in a window of

@@ -29,7 +29,7 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
     out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1 ? best_shape(by, h, unit, grid[u], own, 0.0)
                                                                   : best_shape(by, h, unit, grid[u], gain);
     const bool possible =
-        !h.shape_only() || h.plausible(by.robot(), unit, Eigen::VectorXd::Ones(1), out.best[u].shape);
+        !h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape);
     out.gains[u] = possible ? gain(*out.best[u].block) - by.price(h, out.best[u])
                             : -std::numeric_limits<double>::infinity();
   });
@@ -83,7 +83,7 @@ void keep_plausible(const Evaluator& by, const Hypothesis& h, const Base& base, 
     plausible = true;
     std::vector<UnitShape> kept;
     for (const UnitShape& u : effect.units) {
-      if (h.plausible(by.robot(), u.unit, fit.theta.segment(at, u.block->size()), u.shape))
+      if (by.plausible(h, u.unit, fit.theta.segment(at, u.block->size()), u.shape))
         kept.push_back(u);
       else
         plausible = false;

@@ -6,18 +6,18 @@ namespace dynid::detail {
 
 Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
   Adopted effect{&h, {}, 0.0};
-  const Robot& robot = by.robot();
   for (std::size_t u = 0; u < grid.size(); ++u) {
     const Channel& channel = base.channels[u];
     const auto gain = [&](const RowBlock& block) { return by.own_gain(h, block, channel, base.model.kappa); };
     const UnitShape unit = best_shape(by, h, static_cast<int>(u), grid[u], gain);
     const double gained = gain(*unit.block) - by.price(h, unit);
     if (gained < by.criteria.joint_gain) continue;
-    if (!h.shape_only()) {
-      const ChannelFit fit = fit_channel(by.rows, static_cast<int>(u), channel.y,
-                                         beside(channel.columns, unit.block->values[0]), base.model.kappa);
-      if (!h.plausible(robot, unit.unit, fit.theta.tail(unit.block->size()), unit.shape)) continue;
-    }
+    Eigen::VectorXd c = Eigen::VectorXd::Ones(1);
+    if (!h.shape_only())
+      c = fit_channel(by.rows, static_cast<int>(u), channel.y, beside(channel.columns, unit.block->values[0]),
+                      base.model.kappa)
+              .theta.tail(unit.block->size());
+    if (!by.plausible(h, unit.unit, c, unit.shape)) continue;
     effect.units.push_back(unit);
     effect.gain += gained;
   }

@@ -208,9 +208,9 @@ class WindowFit {
 
 }  // namespace
 
-std::vector<Eigen::VectorXd> grid_points(const Hypothesis& h) {
+std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& h, int unit) {
   if (h.scope() == Scope::window) return window_points(h);
-  const std::vector<ShapeParameter> shape = h.shape();
+  const std::vector<ShapeParameter> shape = rows.shape(h, unit);
   std::vector<Eigen::VectorXd> points = {Eigen::VectorXd(0)};
   for (const ShapeParameter& s : shape) {
     std::vector<Eigen::VectorXd> next;

@@ -4,18 +4,27 @@
 #include <string>
 #include <vector>
 
-#include "judge.hpp"
+#include "select.hpp"
 
 namespace dynid::detail {
 
-/// Of each effect of a set: how probable it is within the set, and which others could stand in its place.
+/// How probable each effect of a set is within it, and which others could stand in its place.
 struct Ranked {
-  std::vector<double> probability;
+  std::vector<double> probability;  ///< of each effect of the set
   std::vector<std::vector<std::string>> aliases;
-  std::vector<RankedEffect>
-      ranking;  ///< of every effect of the library: to be the first, most probable first
+  /// Of every effect of the library: to be the first; most probable first.
+  std::vector<RankedEffect> ranking;
 };
-Ranked rank(const Choice& choice, const Judged& judged, const std::vector<const Hypothesis*>& library);
+
+/// Compares, for each effect of the set, the set with it, with every other effect in its place, and with
+/// nothing there. What the forms of the others are not exact in is variance for all of them: an effect whose
+/// gain is below what that could make is not probable. `explained`: part of the gap that the set explains;
+/// `shares`: of its effects; `floor`: n [N m or N].
+Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares, double explained,
+            const Eigen::VectorXd& floor);
+
+/// Probability that effect `which` of the set is there, if it or nothing in its place is.
+double needed(const Choice& choice, const GapModel& model, std::size_t which);
 
 /// Effects by share, largest first.
 std::vector<std::size_t> by_share(const std::vector<double>& shares);

@@ -42,8 +42,7 @@ Decided decide(const Evaluator& by, const GapModel& model, const std::vector<std
       const Hypothesis& h = *model.effects[here.owners[i]].h;
       const Eigen::Index p = h.shape_only() ? 0 : here.units[i].block->size();
       if (p > 0)
-        plausible =
-            plausible && h.plausible(by.robot(), joint, fit.theta.segment(at, p), here.units[i].shape);
+        plausible = plausible && by.plausible(h, joint, fit.theta.segment(at, p), here.units[i].shape);
       at += p;
     }
     value += fit.evidence;
@@ -93,7 +92,7 @@ GapModel Search::reassigned(const GapModel& model) const {
       effects.end());
   if (effects.empty() || effects.back().h != model.effects.back().h) return model;  // the newest has to stay
   GapModel better = evaluate(std::move(effects), model.kappa);
-  return better.score > model.score ? better : model;
+  return better.score > model.score && by_.plausible(better) ? better : model;
 }
 
 }  // namespace dynid::detail

@@ -75,7 +75,34 @@ GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
   }
   timing = filtered(torque);
   find_white_floor();
+  find_ranges();
   make_nuisance();
+  active = Eigen::VectorXd::Constant(y.cols(), double(size()));
+}
+
+void GapRows::find_ranges() {
+  constexpr double exceeded = 0.995;  // part of the samples: one that stands out is noise
+  const int n = joints();
+  Eigen::Index samples = 0;
+  for (const GapMotion& m : *motions_) samples += m.samples();
+  Eigen::MatrixXd all_q(samples, n), all_dq(samples, n), all_ddq(samples, n), all_tau(samples, n);
+  Eigen::Index at = 0;
+  for (const GapMotion& m : *motions_) {
+    all_q.middleRows(at, m.samples()) = m.q;
+    all_dq.middleRows(at, m.samples()) = m.dq;
+    all_ddq.middleRows(at, m.samples()) = m.ddq;
+    all_tau.middleRows(at, m.samples()) = m.tau;
+    at += m.samples();
+  }
+  const std::vector<JointScale> scales =
+      joint_scales(motions_->front().robot(), all_q, all_dq, all_ddq, all_tau, 1.0 / motions_->front().rate);
+  for (int j = 0; j < n; ++j) {
+    Eigen::VectorXd tau = all_tau.col(j).cwiseAbs();
+    const auto rank = static_cast<Eigen::Index>(exceeded * double(samples - 1));
+    std::nth_element(tau.data(), tau.data() + rank, tau.data() + samples);
+    range.push_back(
+        {scales[static_cast<std::size_t>(j)], all_q.col(j).minCoeff(), all_q.col(j).maxCoeff(), tau[rank]});
+  }
 }
 
 void GapRows::find_white_floor() {
@@ -132,6 +159,10 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
   t = other.t(rows);
   timing = other.timing(rows, Eigen::all);
   white_floor = other.white_floor;
+  range = other.range;
+  if (other.moves_.size() > 0) moves_ = other.moves_(rows, Eigen::all);
+  active = moves_.size() > 0 ? Eigen::VectorXd(moves_.colwise().sum().transpose().cwiseMax(1.0))
+                             : Eigen::VectorXd::Constant(y.cols(), double(size()));
   for (const Eigen::MatrixXd& columns : other.nuisance) nuisance.push_back(columns(rows, Eigen::all));
 }
 
@@ -167,6 +198,7 @@ Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) c
 
 RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
   RowBlock out;
+  out.nominal = h.nominal(motions_->front().robot(), unit);
   std::vector<ColumnBlock> blocks(motions_->size());
   for (std::size_t s = 0; s < blocks.size(); ++s) {
     if (!used_[s]) continue;
@@ -183,13 +215,54 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
     for (std::size_t s = 0; s < blocks.size(); ++s)
       if (used_[s]) signals[s] = std::move(blocks[s].values[k]);
     out.values.push_back(filtered(signals));
+    if (moves_.size() > 0) out.values.back().array().colwise() *= moves_.col(out.channels[k]).array();
   }
   return out;
+}
+
+std::vector<ShapeParameter> GapRows::shape(const Hypothesis& h, int unit) const {
+  if (h.scope() == Scope::arm || h.scope() == Scope::window) return h.shape();
+  const int joint = h.scope() == Scope::pair ? pair_of(joints(), unit).first : unit;
+  return h.shape_on(range[static_cast<std::size_t>(joint)].scale);
 }
 
 GapRows GapRows::late(const Eigen::VectorXd& lateness) const {
   GapRows out = *this;
   out.lateness_ = lateness;
+  return out;
+}
+
+GapRows GapRows::moving(double times) const {
+  constexpr Eigen::Index shortest = 3;  // rows: a reversal is shorter
+  GapRows out = *this;
+  // What the wider band has of speed beyond the motion's is what the sensor does not resolve.
+  std::vector<Eigen::MatrixXd> beyond;
+  for (const GapMotion& m : *motions_) beyond.push_back(m.speed - m.dq);
+  Eigen::MatrixXd moves = Eigen::MatrixXd::Ones(size(), joints());
+  for (int j = 0; j < joints(); ++j) {
+    std::vector<double> noise;
+    for (const Eigen::MatrixXd& x : beyond)
+      for (const double v : x.col(j)) noise.push_back(std::abs(v));
+    const auto middle = noise.begin() + static_cast<std::ptrdiff_t>(noise.size() / 2);
+    std::nth_element(noise.begin(), middle, noise.end());
+    const double slow = times * *middle / 0.6745;
+    for (std::size_t p = 0; p + 1 < parts.size(); ++p) {
+      Eigen::Index since = parts[p];
+      for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
+        if (i < parts[p + 1] && std::abs(dq(i, j)) < slow) continue;
+        if (i - since >= shortest) moves.col(j).segment(since, i - since).setZero();
+        since = i + 1;
+      }
+    }
+    // A joint that hardly moves at all is not looked at in another way than before.
+    if (moves.col(j).sum() < 0.2 * double(size())) moves.col(j).setOnes();
+  }
+  out.moves_ = moves;
+  out.active = moves.colwise().sum().transpose();
+  out.y = y.cwiseProduct(moves);
+  out.timing = timing.cwiseProduct(moves);
+  for (int j = 0; j < joints(); ++j)
+    out.nuisance[static_cast<std::size_t>(j)].array().colwise() *= moves.col(j).array();
   return out;
 }
 

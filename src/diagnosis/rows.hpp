@@ -18,6 +18,7 @@ constexpr double speed_band = 100.0;  ///< [Hz] of the velocity that friction is
 struct RowBlock {
   std::vector<int> channels;
   std::vector<Eigen::MatrixXd> values;
+  Eigen::VectorXd nominal{};  ///< what the coefficients add to, in Hypothesis::possible(); empty: anything is
   Eigen::Index size() const { return values.empty() ? 0 : values.front().cols(); }
   const Eigen::MatrixXd* find(int channel) const {
     for (std::size_t k = 0; k < channels.size(); ++k)
@@ -37,9 +38,16 @@ class GapRows {
   int joints() const { return static_cast<int>(y.cols()); }
   Eigen::Index size() const { return y.rows(); }
   RowBlock block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+  /// Shape parameters of a unit of an effect, with the ranges of the joint that it is of.
+  std::vector<ShapeParameter> shape(const Hypothesis& h, int unit) const;
   /// The same rows with channels that are late by `lateness` (n) [s]: all that effects add is, but for what
   /// an effect that makes them late adds itself.
   GapRows late(const Eigen::VectorXd& lateness) const;
+  /// The same rows without those in which a joint sticks, joint by joint: its gap and all columns are 0
+  /// there. Within its friction the torque of a joint at rest is anything. `times`: a joint sticks where its
+  /// speed stays below so many times what its sensor resolves.
+  GapRows moving(double times) const;
+  const Eigen::VectorXd& lateness() const { return lateness_; }
   /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
@@ -49,6 +57,7 @@ class GapRows {
 
   Eigen::MatrixXd y;                 ///< rows x n [N m]: the gap
   Eigen::MatrixXd q, dq, ddq, load;  ///< rows x n, filtered alike; load: the rigid body's torque
+  std::vector<JointRange> range;     ///< n
   Eigen::VectorXd t;                 ///< [s] since its log's start
   std::vector<int> log;              ///< of each row
   std::vector<Eigen::Index> parts;   ///< first row of each stretch, and, last, the number of rows
@@ -57,6 +66,7 @@ class GapRows {
   std::vector<Eigen::MatrixXd> nuisance;
   /// Of each joint: what torque stamps add that are late by the usual millisecond: data, not an effect.
   Eigen::MatrixXd timing;
+  Eigen::VectorXd active;  ///< n: rows that say something about the joint
   /// Of each joint [N m]: standard deviation in the band of white noise as strong as above the band.
   Eigen::VectorXd white_floor;
 
@@ -69,9 +79,11 @@ class GapRows {
   std::shared_ptr<const std::vector<GapMotion>> motions_;
   std::shared_ptr<const std::vector<Stretch>> stretches_;
   std::vector<Eigen::Index> kept_;  // empty: all
+  Eigen::MatrixXd moves_;           // rows x n, 0 or 1; empty: all move
   Eigen::VectorXd lateness_;        // of each channel; empty: none
   std::vector<bool> used_;          // of each stretch: it has rows that are kept; the others are not computed
   void make_nuisance();
+  void find_ranges();
   void find_white_floor();
 };
 

@@ -35,10 +35,9 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library, cons
   std::vector<Job> jobs;
   for (std::size_t k = 0; k < library_.size(); ++k) {
     const Hypothesis& h = *library_[k];
-    const std::vector<Eigen::VectorXd> points = grid_points(h);
     grids_[k].resize(static_cast<std::size_t>(h.units(rows.motions().front().robot())));
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
-      for (const Eigen::VectorXd& p : points) {
+      for (const Eigen::VectorXd& p : grid_points(by_.rows, h, static_cast<int>(u))) {
         jobs.push_back({k, static_cast<int>(u), grids_[k][u].size()});
         grids_[k][u].push_back({p, nullptr});
       }
@@ -63,10 +62,17 @@ std::vector<const RowBlock*> Search::blocks() const {
   return all;
 }
 
+std::vector<std::string> Search::names() const {
+  std::vector<std::string> out;
+  for (const Hypothesis* h : library_) out.push_back(h->name());
+  return out;
+}
+
 std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
   tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
+    if (grids_[k].empty()) return;  // an arm of one joint has no pairs
     for (const Adopted& e : base.effects)
       if (e.h->name() == library_[k]->name())
         return;  // once each: another joint of it is a matter of the first choice
@@ -84,6 +90,10 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
     effects.push_back(useful[k]);
     models[k] = reassigned(evaluate(std::move(effects), base.kappa));
   });
+  // What a set makes of an effect that it already had may be no such effect any more.
+  models.erase(
+      std::remove_if(models.begin(), models.end(), [&](const GapModel& m) { return !by_.plausible(m); }),
+      models.end());
   std::stable_sort(models.begin(), models.end(),
                    [](const GapModel& a, const GapModel& b) { return a.score > b.score; });
   return models;

@@ -36,6 +36,7 @@ class Search {
   std::vector<VisibleSize> smallest_visible(const GapModel& none) const;
   /// Columns of every point of every effect's grid.
   std::vector<const RowBlock*> blocks() const;
+  std::vector<std::string> names() const;  ///< of the library's effects; repeated where one has several forms
   const GapRows& rows() const { return by_.rows; }
   const Criteria& criteria() const { return by_.criteria; }
 

@@ -40,7 +40,7 @@ double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen:
 namespace {
 
 UnitShape refined(const Evaluator& by, const Hypothesis& h, UnitShape unit, const Gain& gain) {
-  const std::vector<ShapeParameter> shape = h.shape();
+  const std::vector<ShapeParameter> shape = by.rows.shape(h, unit.unit);
   if (shape.empty() || h.scope() == Scope::window) return unit;
   double best = gain(*unit.block);
   for (int pass = 0; pass < (shape.size() > 1 ? 2 : 1); ++pass) {

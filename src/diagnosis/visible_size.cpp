@@ -10,6 +10,7 @@ std::vector<VisibleSize> Search::smallest_visible(const GapModel& none) const {
   std::vector<VisibleSize> out;
   const Base base = by_.base_of(none);
   for (std::size_t k = 0; k < library_.size(); ++k) {
+    if (grids_[k].empty()) continue;
     const Hypothesis& h = *library_[k];
     const RowBlock& first = *grids_[k][0][0].block;
     if (h.shape_only() || h.once() || !own_channel(h, first) || first.size() != 1) continue;

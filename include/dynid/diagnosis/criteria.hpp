@@ -19,6 +19,22 @@ struct Criteria {
   /// nothing would otherwise have no tolerance at all.
   double least_load = 0.05;
 
+  // --------------------------------------------------------------------------------------- what may be named
+  /// Form error of an approximate effect, and of an exact one, in parts of its torque: what a Stribeck curve
+  /// leaves of a LuGre joint, or a smoothed sign of a real reversal, is as large. It is added to the variance
+  /// that a further effect is judged by.
+  double form_of_approximate = 0.2, form_of_exact = 0.03;
+  /// An effect is named where it is more likely than not, and `explained` is said where all are.
+  double least_probability = 0.5;
+  /// `explained` is said where the gap shrinks by this part, on data that neither chose nor fitted anything.
+  double least_shrink = 0.65;
+  /// Where the gap is within the tolerance, an effect is named only where it is this probable.
+  double least_probability_within = 0.9;
+  /// A joint sticks where its speed is below this many times what its own sensor resolves.
+  double at_rest = 3.0;
+  /// A share of the explained gap below this is none.
+  double least_share = 1e-3;
+
   // ------------------------------------------------------------------------------------------ which effects
   /// Log evidence that a further effect has to bring beyond its price: odds of e^10 before the calibration's
   /// temperature, about ten to one after it.

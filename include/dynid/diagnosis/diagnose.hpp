@@ -80,7 +80,7 @@ struct DiagnoseOptions {
   double cutoff = 0.0;                   ///< [Hz] of the band looked at; 0: chosen, at most 10
   std::vector<std::string> withhold;     ///< effects taken out of the library
   std::vector<const Hypothesis*> extra;  ///< effects of one's own, beside the library's; to outlive the call
-  int most_effects = 3;
+  int most_effects = 6;
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
   Criteria criteria;
   unsigned seed = 1;  ///< of surrogates and intervals
@@ -98,9 +98,16 @@ struct VisibleSize {
 
 struct Diagnosis {
   Verdict verdict = Verdict::no_gap;
+  /// Chance that a robot which the model describes within DiagnoseOptions::tolerance shows so large a gap.
   double p_value = 1.0;
+  /// Chance that a gap of the same spectrum, unrelated to the motion, is explained as well by any effect: it
+  /// tests the gap's phases, not its size.
+  double structure_p_value = 1.0;
   std::vector<PreparedLog> logs;  ///< checks of each log; their segments are released
-  Eigen::VectorXd rms, floor;     ///< n [N m]: of the gap, and of the noise in the band
+  Eigen::VectorXd rms, floor;     ///< n [N m or N]: of the gap, and of the noise in the band
+  Eigen::VectorXd upper;          ///< n [N m or N]: 95 % upper limit of the gap's rms beyond the floor
+  Eigen::VectorXd tolerance;      ///< n [N m or N]: of what each joint carries (rms), the part that is no gap
+  std::vector<std::string> unit;  ///< n: of the torques of each joint
   std::vector<GapCell> where;
   std::vector<GapWindow> windows;
   std::vector<VisibleSize> smallest_visible;  ///< where no effect is named, of the simple ones

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynid/diagnosis/gap_motion.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/model/effect.hpp"
 
 namespace dynid {
@@ -31,6 +32,13 @@ struct ShapeParameter {
   bool logarithmic;  ///< spacing of the grid
 };
 
+/// What a joint does on the logs: what can be sought on it follows.
+struct JointRange {
+  JointScale scale;
+  double lower = 0.0, upper = 0.0;  ///< [rad] or [m]: of its positions
+  double torque = 0.0;              ///< [N m] or [N]: that one measured sample in two hundred exceeds
+};
+
 /// A value of an effect for a person, a file, a label.
 struct NamedValue {
   std::string key, unit;
@@ -50,6 +58,11 @@ class Hypothesis {
   virtual std::string form() const { return {}; }
   virtual Scope scope() const { return Scope::joint; }
   virtual std::vector<ShapeParameter> shape() const { return {}; }
+  /// The same with the ranges that a joint of this scale asks for: those of shape() are for one of 1 rad/s,
+  /// 20 N m and 1 kg m^2.
+  virtual std::vector<ShapeParameter> shape_on(const JointScale&) const { return shape(); }
+  /// While its joint sticks, its torque is anything within its size: such rows say nothing about it.
+  virtual bool silent_at_rest() const { return false; }
   /// The coefficients are all 1: the shape parameters say everything.
   virtual bool shape_only() const { return false; }
   /// Bound to the clock of its log: it does not come back alike in another one.
@@ -81,9 +94,18 @@ class Hypothesis {
     return true;
   }
 
+  /// The same, beside what the joints do on the logs (`ranges`: n): a limit that the log exceeds is none, a
+  /// spring that rests where the joint never comes is an offset.
+  virtual bool reachable(const std::vector<JointRange>&, int, const Eigen::VectorXd&,
+                         const Eigen::VectorXd&) const {
+    return true;
+  }
+
   /// c (p coefficients, as columns() has them) can be those of a body, or whatever it is. Others give way in
   /// every fit to nearest_possible(): of all that can be, the x that minimises (x - c)^T I (x - c), I (p x p,
   /// symmetric, positive semidefinite) being their information in the fit.
+  /// What c of unit `unit` adds to: in these two c stands for nominal() + c. Empty: anything is possible.
+  virtual Eigen::VectorXd nominal(const Robot&, int) const { return {}; }
   virtual bool possible(const Eigen::VectorXd&) const { return true; }
   virtual Eigen::VectorXd nearest_possible(const Eigen::VectorXd& c, const Eigen::MatrixXd&) const {
     return c;

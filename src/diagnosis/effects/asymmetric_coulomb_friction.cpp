@@ -14,7 +14,10 @@ class AsymmetricCoulombFriction : public OwnTorque {
                   {{"coefficient_positive", "N m"}, {"coefficient_negative", "N m"}}) {}
   double prior() const override { return 0.3; }
   std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
-  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override { return {sign_width(s)}; }
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const override {
+    if (!hinders(robot, unit, 3.0 * shape[0], 0.5 * c.sum())) return false;
     // One that helps the motion in one direction as much as it hinders it in the other is an offset.
     return c[0] * c[1] > 0.0 || std::abs(c.sum()) > 0.5 * c.cwiseAbs().maxCoeff();
   }

@@ -9,6 +9,12 @@ class CoulombFriction : public OwnTorque {
  public:
   CoulombFriction() : OwnTorque("coulomb_friction", {{"coefficient", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override { return {sign_width(s)}; }
+
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const override {
+    return hinders(robot, unit, 3.0 * shape[0], c[0]);
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

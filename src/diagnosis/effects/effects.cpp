@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "effects.hpp"
 
+#include <cmath>
+
 #include "dynid/base/error.hpp"
+#include "dynid/friction/friction.hpp"
 #include "named.hpp"
 
 namespace dynid::detail {
@@ -88,8 +91,22 @@ void OwnTorque::restore(const Robot& robot, const Effect& effect, int unit, Eige
 
 ShapeParameter sign_width() { return {"velocity_scale", "rad/s", 0.002, 0.2, 3, true}; }
 
+ShapeParameter sign_width(const JointScale& scale) {
+  return {"velocity_scale", "rad/s", 1e-3 * scale.speed, 0.1 * scale.speed, 3, true};
+}
+
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double scale) {
   return (motion.speed.col(joint).array() / scale).tanh();
+}
+
+double nominal_friction(const Robot& robot, int joint, double speed) {
+  const JointFriction& f = robot.joints[static_cast<std::size_t>(joint)].friction;
+  return 0.5 * (friction_torque(f, speed) - friction_torque(f, -speed));
+}
+
+bool hinders(const Robot& robot, int joint, double speed, double torque) {
+  constexpr double room = 0.05;
+  return torque + nominal_friction(robot, joint, speed) > -room * std::abs(torque);
 }
 
 }  // namespace dynid::detail

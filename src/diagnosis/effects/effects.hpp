@@ -48,7 +48,15 @@ class OwnTorque : public Hypothesis {
 /// The width of the smoothed sign, which no parameter of the field describes: a shape parameter of every
 /// Coulomb-like effect.
 ShapeParameter sign_width();
+/// The same on a joint of this scale.
+ShapeParameter sign_width(const JointScale& scale);
 /// tanh(dq / v_s) of a joint: N.
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double velocity_scale);
+
+/// [N m] by which the nominal model's friction hinders joint `joint` (from 0) at speed `speed` > 0, the mean
+/// of both directions.
+double nominal_friction(const Robot& robot, int joint, double speed);
+/// Friction `torque` at `speed` beside the nominal model's still hinders the motion, but for a twentieth.
+bool hinders(const Robot& robot, int joint, double speed, double torque);
 
 }  // namespace dynid::detail

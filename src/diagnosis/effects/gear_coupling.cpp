@@ -16,6 +16,9 @@ class GearCoupling : public Hypothesis {
   std::vector<ShapeParameter> shape() const override {
     return {{"ratio", "1", -1.0, 1.0, 2, false}, sign_width()};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {shape().front(), sign_width(s)};
+  }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     const auto [first, second] = pair_of(motion.joints(), unit);
     const Eigen::VectorXd speed = motion.speed.col(first) + shape[0] * motion.speed.col(second);

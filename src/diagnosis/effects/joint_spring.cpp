@@ -23,12 +23,13 @@ class JointSpring : public OwnTorque {
     shape.resize(0);
   }
 
-  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+  bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    // One at rest far beyond the joint's range pulls alike everywhere: an offset.
-    const JointLimits& limits = robot.joints[static_cast<std::size_t>(unit)].limits;
-    const double rest = -c[1] / c[0], room = 1.0;
-    return std::abs(rest) < 6.3 && rest > limits.lower - room && rest < limits.upper + room;
+    // At rest far from where the joint comes, it pulls alike everywhere: an offset.
+    if (!(c[0] > 0.0)) return false;
+    const JointRange& range = ranges[static_cast<std::size_t>(unit)];
+    const double rest = -c[1] / c[0], room = range.upper - range.lower;
+    return rest > range.lower - room && rest < range.upper + room;
   }
 
  protected:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A change of the ten standard parameters of one link.
+#include "../body.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {
@@ -29,6 +30,17 @@ class LinkInertialError : public Hypothesis {
                Eigen::VectorXd& shape) const override {
     c = change(effect);
     shape.resize(0);
+  }
+  // The link with its error is a body; where the model's own is none (base parameters alone were identified),
+  // nothing is asked of it.
+  Eigen::VectorXd nominal(const Robot& robot, int unit) const override {
+    const StandardParameters& link = robot.joints[static_cast<std::size_t>(unit)].parameters;
+    return is_body(link) && link[0] > 0.0 ? Eigen::VectorXd(link) : Eigen::VectorXd();
+  }
+  bool possible(const Eigen::VectorXd& whole) const override { return is_body(whole); }
+  Eigen::VectorXd nearest_possible(const Eigen::VectorXd& whole,
+                                   const Eigen::MatrixXd& information) const override {
+    return nearest_body(whole, information);
   }
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {

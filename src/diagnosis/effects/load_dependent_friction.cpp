@@ -14,6 +14,9 @@ class LoadDependentFriction : public OwnTorque {
   std::vector<ShapeParameter> shape() const override {
     return {{"coefficient", "1", 0.005, 0.6, 8, true}, sign_width()};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {shape().front(), sign_width(s)};
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

@@ -1,61 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <array>
-#include <cmath>
-
-#include "dynid/base/error.hpp"
+#include "../body.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
 
 constexpr double behind_the_flange = 0.03;  // [m]: a ring around it
-
-/// The body nearest to `c` in the norm of `information`: Newton's method along the central path of
-/// (x - c)^T I (x - c) - log det P(x) / t, P the pseudo-inertia.
-StandardParameters nearest_body(const StandardParameters& c, const Eigen::MatrixXd& information) {
-  constexpr double gap = 1e-6;  // of the distance, relatively
-  using Vector = Eigen::Matrix<double, 10, 1>;
-  using Matrix = Eigen::Matrix<double, 10, 10>;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
-  const double least = 1e-2 * moments.eigenvalues().cwiseAbs().maxCoeff();
-  StandardParameters x =
-      from_pseudo_inertia(moments.eigenvectors() * moments.eigenvalues().cwiseMax(least).asDiagonal() *
-                          moments.eigenvectors().transpose());
-  Matrix G = information;
-  G.diagonal().array() += 1e-12 * G.trace();
-  const auto distance = [&](const StandardParameters& at) { return (at - c).dot(G * (at - c)); };
-  if (!(distance(x) > 0.0)) return x;  // nothing tells them apart
-  double t = 4.0 / distance(x);
-  for (bool last = false; !last; t *= 10.0) {
-    last = !(4.0 / t >= gap * distance(x));
-    for (int k = 0; k < 50; ++k) {
-      const Eigen::Matrix4d inverse = pseudo_inertia(x).inverse();
-      Vector slope = 2.0 * t * (G * (x - c));
-      Matrix curvature = 2.0 * t * G;
-      std::array<Eigen::Matrix4d, 10> moved;
-      for (int i = 0; i < 10; ++i)
-        moved[static_cast<std::size_t>(i)] = inverse * pseudo_inertia(StandardParameters::Unit(i));
-      for (int i = 0; i < 10; ++i) {
-        const Eigen::Matrix4d& a = moved[static_cast<std::size_t>(i)];
-        slope[i] -= a.trace();
-        for (int j = 0; j < 10; ++j) curvature(i, j) += (a * moved[static_cast<std::size_t>(j)]).trace();
-      }
-      const Vector step = -curvature.ldlt().solve(slope);
-      const double decrement = -slope.dot(step);
-      if (!(decrement > 1e-6)) break;
-      // Damped as far as a self-concordant function asks for: but for rounding, the point stays inside.
-      double part = 1.0 / (1.0 + std::sqrt(decrement));
-      while (part > 1e-12 &&
-             pseudo_inertia(StandardParameters(x + part * step)).llt().info() != Eigen::Success)
-        part *= 0.5;
-      x += part * step;
-    }
-  }
-  return x;
-}
 
 class Payload : public Hypothesis {
  public:
@@ -91,10 +42,8 @@ class Payload : public Hypothesis {
     const Eigen::Vector3d com = robot.tip.inverse() * Eigen::Vector3d(c.segment<3>(1) / c[0]);
     return com.z() > -behind_the_flange;
   }
-  bool possible(const Eigen::VectorXd& c) const override {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(StandardParameters(c)));
-    return moments.eigenvalues()[0] >= 0.0;
-  }
+  Eigen::VectorXd nominal(const Robot&, int) const override { return Eigen::VectorXd::Zero(10); }
+  bool possible(const Eigen::VectorXd& c) const override { return is_body(c); }
   Eigen::VectorXd nearest_possible(const Eigen::VectorXd& c,
                                    const Eigen::MatrixXd& information) const override {
     return nearest_body(c, information);

@@ -15,6 +15,9 @@ class PreslidingHysteresis : public OwnTorque {
  public:
   PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.01, 0.4, 6, true}}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {{"slip", "rad", 0.004 * s.travel, 0.15 * s.travel, 6, true}};
+  }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
     c = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "coulomb", unit));
@@ -25,6 +28,10 @@ class PreslidingHysteresis : public OwnTorque {
   }
   bool approximate() const override { return true; }
   double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
+
+  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    return c[0] > 0.0;
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

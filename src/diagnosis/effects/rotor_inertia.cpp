@@ -9,6 +9,11 @@ class RotorInertia : public OwnTorque {
  public:
   RotorInertia() : OwnTorque("rotor_inertia", {{"armature", "kg m^2"}}) {}
 
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    return c[0] + robot.joints[static_cast<std::size_t>(unit)].rotor_inertia > 0.0;
+  }
+
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
     return motion.ddq.col(j);

@@ -15,7 +15,17 @@ class StribeckFriction : public OwnTorque {
             {"velocity_scale", "rad/s", 0.002, 0.03, 3, true},
             {"exponent", "1", 1.0, 2.0, 3, false}};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {{"stribeck_velocity", "rad/s", 0.01 * s.speed, 0.5 * s.speed, 6, true},
+            {"velocity_scale", "rad/s", 1e-3 * s.speed, 0.015 * s.speed, 3, true},
+            shape().back()};
+  }
   bool approximate() const override { return true; }
+
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const override {
+    return hinders(robot, unit, shape[0], c[0]);
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

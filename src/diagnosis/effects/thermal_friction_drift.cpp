@@ -14,6 +14,11 @@ class ThermalFrictionDrift : public OwnTorque {
   bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
 
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    return hinders(robot, unit, 1.0, c[0]);
+  }
+
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
     return motion.speed.col(j).array() * (-motion.t.array() / shape[0]).exp();

@@ -25,6 +25,11 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
   }
   double prior() const override { return 0.4; }
 
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    return hinders(robot, unit, 1.0, c[0]);
+  }
+
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
     const Eigen::VectorXd& speed = motion.speed.col(j);

@@ -9,7 +9,7 @@ class TorqueGain : public OwnTorque {
  public:
   TorqueGain() : OwnTorque("torque_gain", {{"gain", "1"}}) {}
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
-    return c[0] > -0.9;  // next to nothing measured is no gain
+    return c[0] > -0.9 && c[0] < 9.0;  // a tenth or ten times what is meant is no gain
   }
 
  protected:

@@ -9,8 +9,18 @@ class TorqueSaturation : public OwnTorque {
  public:
   TorqueSaturation() : OwnTorque("torque_saturation", {}) {}
   std::vector<ShapeParameter> shape() const override { return {{"limit", "N m", 0.03, 120.0, 33, true}}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {{"limit", "N m", 0.03 * s.torque, 8.0 * s.torque, 33, true}};
+  }
   bool approximate() const override { return true; }
   bool shape_only() const override { return true; }
+
+  bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd&,
+                 const Eigen::VectorXd& shape) const override {
+    // The log may stand at the limit, with the noise that it has, but not beyond.
+    constexpr double room = 0.1;
+    return shape[0] > (1.0 - room) * ranges[static_cast<std::size_t>(unit)].torque;
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

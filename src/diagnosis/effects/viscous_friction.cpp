@@ -9,6 +9,11 @@ class ViscousFriction : public OwnTorque {
  public:
   ViscousFriction() : OwnTorque("viscous_friction", {{"coefficient", "N m s/rad"}}) {}
 
+  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    return hinders(robot, unit, 1.0, c[0]);
+  }
+
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
     return motion.speed.col(j);

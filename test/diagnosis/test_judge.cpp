@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+// Laws of the verdict: what it may say beside what, and what is never proposed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "dynid/diagnosis/diagnose.hpp"
+#include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/identification/predict.hpp"
+#include "dynid/model/robot_file.hpp"
+#include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/random_motion.hpp"
+#include "dynid/simulation/simulate.hpp"
+
+namespace dynid {
+namespace {
+
+Robot panda() { return read_model_file(DYNID_SOURCE_DIR "/config/panda.yaml").robot; }
+
+Log recorded(const Robot& robot, const std::vector<std::string>& effects, unsigned long seed,
+             double duration = 12.0, bool coloured = false) {
+  std::vector<Effect> parsed;
+  for (const std::string& e : effects) parsed.push_back(parse_effect(e, robot));
+  SimulateOptions options;
+  options.measurement = MeasurementOptions::realistic();
+  if (!coloured) options.measurement.correlated_noise = 0.0;
+  options.rate = 250.0;
+  options.seed = seed;
+  options.record_torques = false;
+  return simulate(robot, parsed, random_motion(robot, duration, seed), options).log;
+}
+
+Diagnosis told(const Robot& robot, const std::vector<Log>& logs) {
+  DiagnoseOptions options;
+  options.replay = false;
+  return diagnose(robot, logs, options);
+}
+
+/// Law: no verdict contradicts its numbers.
+void expect_consistent(const Robot& robot, const Diagnosis& d) {
+  const auto n = static_cast<Eigen::Index>(robot.size());
+  EXPECT_EQ(d.upper.size(), n);
+  EXPECT_EQ(d.tolerance.size(), n);
+  EXPECT_EQ(d.unit.size(), robot.joints.size());
+  EXPECT_FALSE(d.judgement.empty());
+  const bool named = d.verdict == Verdict::explained || d.verdict == Verdict::partly_explained;
+  EXPECT_EQ(named, !d.effects.empty()) << to_string(d.verdict);
+  const DiagnoseOptions usual;
+  double before = 1.0;
+  for (const FoundEffect& e : d.effects) {
+    EXPECT_GT(e.share, 0.0) << e.effect.name;
+    EXPECT_LE(e.share, before + 1e-12) << e.effect.name;
+    before = e.share;
+    EXPECT_EQ(std::set<std::string>(e.aliases.begin(), e.aliases.end()).size(), e.aliases.size());
+    if (d.verdict == Verdict::explained) {
+      EXPECT_GE(e.probability, usual.criteria.least_probability) << e.effect.name;
+    }
+  }
+  if (d.verdict == Verdict::explained) {
+    EXPECT_GE(d.shrink.fraction, usual.criteria.least_shrink);
+  }
+  if ((d.upper.array() <= d.tolerance.array()).all() && !named) {
+    EXPECT_EQ(d.verdict, Verdict::no_gap);
+  }
+  for (const RankedEffect& r : d.ranking) {
+    EXPECT_GE(r.probability, 0.0);
+    EXPECT_LE(r.probability, 1.0);
+    EXPECT_GE(r.explained, 0.0);
+    EXPECT_LE(r.explained, 1.0);
+  }
+}
+
+TEST(Judge, NoVerdictContradictsItsNumbers) {
+  const Robot robot = panda();
+  for (const std::vector<std::string>& effects : std::vector<std::vector<std::string>>{
+           {},
+           {"viscous_friction:joints=3,coefficient=1.5"},
+           {"coulomb_friction:joints=2+4,coefficient=0.9", "torque_offset:joints=6,offset=0.6"}}) {
+    SCOPED_TRACE(effects.empty() ? "none" : effects.front());
+    expect_consistent(robot, told(robot, {recorded(robot, effects, 41), recorded(robot, effects, 42)}));
+  }
+  // A gap that nothing explains keeps its candidates.
+  std::vector<Log> logs = {recorded(robot, {}, 12), recorded(robot, {}, 13)};
+  for (Log& log : logs)
+    for (Eigen::Index i = 0; i < log.samples(); ++i) log.tau(i, 4) += 1.5 * std::sin(4.6 * log.t[i]);
+  const Diagnosis d = told(robot, logs);
+  expect_consistent(robot, d);
+  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_LT(d.p_value, 0.05);
+  EXPECT_TRUE(
+      std::any_of(d.judgement.begin(), d.judgement.end(), [](const Judgement& j) { return !j.passed; }));
+}
+
+// A gap too small to matter is no gap, from one log too, whatever the colour of its noise.
+TEST(Judge, OneHealthyLogHasNoGap) {
+  const Robot robot = panda();
+  const Diagnosis d = told(robot, {recorded(robot, {}, 2, 16.0, true)});
+  expect_consistent(robot, d);
+  EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected) << to_string(d.verdict);
+  EXPECT_GT(d.p_value, 0.05);
+}
+
+// An arm may have one joint: it has no pairs.
+TEST(Judge, OneJointIsDiagnosed) {
+  Robot robot = panda();
+  robot.joints.resize(2);
+  robot.joints.erase(robot.joints.begin());  // the second turns about a horizontal axis
+  const auto logs = [&](const std::vector<std::string>& effects) {
+    return std::vector<Log>{recorded(robot, effects, 5), recorded(robot, effects, 6)};
+  };
+  const Diagnosis d = told(robot, logs({"viscous_friction:joints=1,coefficient=2"}));
+  expect_consistent(robot, d);
+  ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict);
+  EXPECT_EQ(d.effects[0].effect.name, "viscous_friction");
+}
+
+// Law: a limit of 300 N m on a large arm is found as one of 37.5 is on an arm of an eighth of the torques.
+TEST(Judge, LargeLimitsAreFound) {
+  constexpr double scale = 8.0;
+  Robot robot = panda();
+  std::vector<Log> logs = {recorded(robot, {"torque_saturation:joints=2,limit=37.5"}, 31),
+                           recorded(robot, {"torque_saturation:joints=2,limit=37.5"}, 32)};
+  for (Log& log : logs) log.tau *= scale;
+  robot.set_parameters(scale * robot.parameters());
+  for (Joint& joint : robot.joints) joint.friction.sigmoid.phi1 *= scale;
+  const Diagnosis d = told(robot, logs);
+  ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict);
+  EXPECT_EQ(d.effects[0].effect.name, "torque_saturation");
+}
+
+// At rest the torque of a joint with friction is anything within it: dwells do not bend its shape.
+TEST(Judge, DwellsSayNothingAboutFriction) {
+  Robot robot = panda();
+  for (Joint& joint : robot.joints) joint.friction = {};
+  constexpr double move = 1.0, hold = 1.0, rate = 250.0, coulomb = 1.2;
+  std::vector<Log> logs;
+  for (const unsigned seed : {1U, 2U}) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    std::normal_distribution<double> normal;
+    Log log;
+    log.source = "pick and place";
+    const Eigen::Index samples = 3500;
+    log.t = Eigen::VectorXd::LinSpaced(samples, 0.0, double(samples - 1) / rate);
+    log.q = log.dq = log.tau = Eigen::MatrixXd::Zero(samples, 7);
+    Eigen::MatrixXd pose(8, 7), stick(8, 7);
+    for (double& x : pose.reshaped()) x = 0.6 * uniform(random);
+    for (double& x : stick.reshaped()) x = coulomb * uniform(random);
+    pose.col(3).array() -= 1.6;
+    for (Eigen::Index i = 0; i < samples; ++i) {
+      const auto k = static_cast<Eigen::Index>(log.t[i] / (move + hold));
+      const double s = std::clamp((log.t[i] - double(k) * (move + hold)) / move, 0.0, 1.0);
+      const Eigen::RowVectorXd by = pose.row(k % 7 + 1) - pose.row(k % 7);
+      log.q.row(i) = pose.row(k % 7) + by * (s * s * s * (10.0 + s * (-15.0 + 6.0 * s)));
+      log.dq.row(i) = by * (30.0 * s * s * (1.0 - s) * (1.0 - s) / move);
+    }
+    log.tau = predict_torque(robot, log, 20.0).tau;
+    for (Eigen::Index i = 0; i < samples; ++i) {
+      const auto k = static_cast<Eigen::Index>(log.t[i] / (move + hold)) % 7;
+      for (const int j : {1, 3}) {
+        const double v = log.dq(i, j);
+        log.tau(i, j) += std::abs(v) > 1e-3 ? std::copysign(coulomb, v) : stick(k, j);
+      }
+      for (int j = 0; j < 7; ++j) {
+        log.tau(i, j) += 0.05 * normal(random);
+        log.dq(i, j) += 0.002 * normal(random);
+      }
+    }
+    logs.push_back(log);
+  }
+  const Diagnosis d = told(robot, logs);
+  ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict);
+  EXPECT_EQ(d.effects[0].effect.name, "coulomb_friction");
+  for (const FoundEffect& e : d.effects) {
+    if (e.effect.name != "stribeck_friction") continue;
+    for (const double x : e.effect.parameters.at("static")) EXPECT_GE(x, 0.0);
+  }
+}
+
+// What no robot has is not proposed.
+TEST(Judge, ImpossibleEffectsAreNotProposed) {
+  const Robot robot = panda();
+  Robot smooth = robot;
+  for (Joint& joint : smooth.joints) joint.friction = {};
+  std::vector<JointRange> ranges(7);
+  for (JointRange& r : ranges) r.lower = -1.0, r.upper = 1.0, r.torque = 20.0;
+  const auto values = [](std::initializer_list<double> x) {
+    Eigen::VectorXd v(static_cast<Eigen::Index>(x.size()));
+    std::copy(x.begin(), x.end(), v.begin());
+    return v;
+  };
+  const Eigen::VectorXd none(0);
+  const Hypothesis* spring = find_hypothesis(std::string("joint_spring"));
+  EXPECT_TRUE(spring->reachable(ranges, 2, values({2.0, -1.0}), none));   // rests at 0.5
+  EXPECT_FALSE(spring->reachable(ranges, 2, values({-2.0, 1.0}), none));  // pushes away
+  EXPECT_FALSE(spring->reachable(ranges, 2, values({0.1, -0.8}), none));  // rests at 8 rad: an offset
+  const Hypothesis* limit = find_hypothesis(std::string("torque_saturation"));
+  EXPECT_TRUE(limit->reachable(ranges, 2, values({1.0}), values({21.0})));
+  EXPECT_FALSE(limit->reachable(ranges, 2, values({1.0}), values({0.03})));  // the log exceeds it
+  const Hypothesis* viscous = find_hypothesis(std::string("viscous_friction"));
+  EXPECT_TRUE(viscous->plausible(smooth, 2, values({1.0}), none));
+  EXPECT_FALSE(viscous->plausible(smooth, 2, values({-1.0}), none));
+  const Hypothesis* rotor = find_hypothesis(std::string("rotor_inertia"));
+  EXPECT_FALSE(rotor->plausible(smooth, 2, values({-0.1}), none));
+  const Hypothesis* gain = find_hypothesis(std::string("torque_gain"));
+  EXPECT_FALSE(gain->plausible(robot, 2, values({-1.2}), none));
+  // A link with its error is a body, whatever the error is.
+  const Hypothesis* link = find_hypothesis(std::string("link_inertial_error"));
+  const Eigen::VectorXd nominal = link->nominal(robot, 3);
+  ASSERT_EQ(nominal.size(), 10);
+  EXPECT_TRUE(link->possible(nominal));
+  EXPECT_FALSE(link->possible(nominal - 2.0 * nominal));
+}
+
+}  // namespace
+}  // namespace dynid
