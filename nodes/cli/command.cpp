@@ -10,6 +10,7 @@
 #include "cli/interrupt.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/model/model_warning.hpp"
 #ifdef DYNID_WITH_ROSBAG
 #include "ros/bag.hpp"
 #endif
@@ -68,6 +69,10 @@ void RobotOption::add_to(CLI::App& command, const std::string& name, bool requir
   if (required) option->required();
   command.add_option("--base", base, "Base link, where a URDF branches")->type_name("LINK");
   command.add_option("--tip", tip, "Tip link, where a URDF branches")->type_name("LINK");
+  command.add_option("--gravity", gravity, "How the arm is mounted: gravity in the base frame [m/s^2]")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,Z");
   command.add_flag("--allow-inconsistent", allow_inconsistent,
                    "Warn of links that no body could have (eqs. (11), (16)) instead of refusing them");
 }
@@ -80,6 +85,10 @@ ModelFile RobotOption::read(const Output& output) const {
     for (const Inconsistency& rule : broken)
       std::cerr << "dynid: warning: " << path << ": link '" << rule.link << "' (joint " << rule.joint
                 << "): " << rule.rule << ", margin " << rule.margin << "\n";
+  if (!gravity.empty()) model.robot.gravity = Eigen::Map<const Eigen::Vector3d>(gravity.data());
+  if (!output.quiet && !allow_inconsistent)
+    for (const ModelWarning& warning : check_model(model.robot))
+      std::cerr << "dynid: warning: " << path << ": " << warning.text << "\n";
   return model;
 }
 
@@ -87,7 +96,16 @@ void LogOption::add_to(CLI::App& command, bool written) {
   command.add_option("--topic", topic, "Topic of the sensor_msgs/JointState in logs that are rosbags (.bag)")
       ->type_name("TOPIC")
       ->capture_default_str();
-  if (!written) return;
+  if (!written) {
+    command
+        .add_option("--columns", columns,
+                    "Names of a CSV log's columns that are not understood by themselves, # for the joint's "
+                    "number or name: q=pos_#,dq=vel_#,tau=trq_#")
+        ->type_name("ROLE=PATTERN,...");
+    command.add_option("--rate", rate, "Sampling rate of a CSV log without time [Hz]")
+        ->check(CLI::PositiveNumber);
+    return;
+  }
   command.add_option("--compression", compression, "Of a rosbag written")
       ->check(CLI::IsMember({"none", "bz2", "lz4"}))
       ->type_name("none|bz2|lz4")
@@ -95,7 +113,15 @@ void LogOption::add_to(CLI::App& command, bool written) {
 }
 
 Log LogOption::read(const std::string& path, const Robot& robot, const LogColumns& required) const {
-  if (!is_bag(path)) return read_log(path, robot.size(), required);
+  if (!is_bag(path)) {
+    LogOptions options;
+    options.joints = robot.size();
+    options.joint_names = joint_names(robot);
+    if (!columns.empty()) options.columns = parse_columns(columns);
+    options.rate = rate;
+    options.required = required;
+    return read_log(path, options);
+  }
   std::string warning;
   Log log = read_bag(path, joint_names(robot), topic, required, &warning);
   if (!warning.empty()) std::cerr << "dynid: warning: " << warning << "\n";

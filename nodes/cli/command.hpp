@@ -32,22 +32,26 @@ struct Output {
   void write(const nlohmann::json& result) const;
 };
 
-/// A robot from `--robot` (or `--model`), with `--base` and `--tip`.
+/// A robot from `--robot` (or `--model`), with `--base`, `--tip` and `--gravity`.
 struct RobotOption {
   std::string path, base, tip;
+  std::vector<double> gravity;  ///< [m/s^2] in the base frame, three numbers; empty: the file's
   bool allow_inconsistent = false;
 
   void add_to(CLI::App& command, const std::string& name = "--robot", bool required = true);
-  /// Reads it; broken rules of eqs. (11) and (16) are warned of on standard error when they are allowed.
+  /// Reads it; broken rules of eqs. (11) and (16), when they are allowed, and what check_model() finds are
+  /// warned of on standard error.
   ModelFile read(const Output& output) const;
 };
 
 /// Logs, as CSV or, where the path ends in `.bag`, as sensor_msgs/JointState in a rosbag: joints by name.
 struct LogOption {
   std::string topic = "/joint_states";
+  std::string columns;               ///< of a CSV log, as parse_columns() reads them
+  double rate = 0.0;                 ///< [Hz] of a CSV log without time; 0: none
   std::string compression = "none";  ///< of bags written: none, bz2 or lz4
 
-  /// `--topic` and, where logs are `written`, `--compression`.
+  /// `--topic`, `--columns` and `--rate` or, where logs are `written`, `--topic` and `--compression`.
   void add_to(CLI::App& command, bool written = false);
   /// Throws as read_log(). A bag that is not whole is read as far as it goes, and said so on standard error.
   Log read(const std::string& path, const Robot& robot, const LogColumns& required = {}) const;

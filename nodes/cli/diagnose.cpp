@@ -6,6 +6,7 @@
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/model/yaml.hpp"
 
 namespace dynid {
@@ -16,7 +17,7 @@ struct Arguments {
   RobotOption model;
   LogOption input;
   std::vector<std::string> logs, withhold;
-  std::string reference, patch, report, next_trajectory;
+  std::string assume, reference, patch, report, next_trajectory;
   DiagnoseOptions options;
 };
 
@@ -30,6 +31,11 @@ std::string command_line(const Arguments& a) {
   command.reference = a.reference;
   if (a.input.topic != LogOption().topic) command.topic = a.input.topic;
   command.withhold = a.withhold;
+  command.assume = a.assume;
+  for (const double x : a.model.gravity)
+    command.gravity += (command.gravity.empty() ? "" : ",") + exact_number(x);
+  command.columns = a.input.columns;
+  command.rate = a.input.rate;
   command.cutoff = a.options.cutoff;
   command.tolerance = a.options.tolerance;
   command.seed = a.options.seed;
@@ -43,6 +49,7 @@ int run(const Arguments& a) {
   DiagnoseJob job;
   job.options = a.options;
   job.withhold = a.withhold;
+  job.assume = a.assume;
   check_options(job);
   a.output.check({a.patch, a.report, a.next_trajectory});
   Output silent = a.output;
@@ -81,6 +88,10 @@ void add_diagnose(CLI::App& app, int& status) {
   command->add_option("--reference", a->reference, "Log of the healthy robot: says how far the model is off")
       ->type_name("FILE");
   a->input.add_to(*command);
+  command
+      ->add_option("--assume", a->assume,
+                   "How to read the logs: auto, or what a diagnosis that called them misread proposes")
+      ->type_name("auto|KEY=VALUE,...");
   command->add_option("--withhold", a->withhold,
                       "Take friction or payload out of the model, or an effect out of the library");
   command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")

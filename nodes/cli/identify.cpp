@@ -19,7 +19,7 @@ struct Arguments {
   RobotOption robot;
   LogOption input;
   std::vector<std::string> logs, validation;
-  std::string out;
+  std::string assume, out;
   bool friction_only = false;
   bool servo = false;
   IdentifyOptions options;
@@ -53,8 +53,10 @@ void run(const Arguments& a) {
   a.output.check({a.out});
   job.robot = a.robot.read(a.output).robot;
   job.source = a.robot.path;
+  job.assume = a.assume;
   Progress progress(a.output);
   job.logs = read_logs(a.input, a.logs, job.robot, progress);
+  if (a.friction_only && !a.assume.empty()) throw Error("--assume does not go with --friction-only");
   if (a.friction_only)
     return write(a, run(FrictionJob{job.robot, job.source, job.logs, job.options}, progress.context()));
   job.validation = read_logs(a.input, a.validation, job.robot, progress);
@@ -71,6 +73,9 @@ void add_identify(CLI::App& app, int& status) {
   a->robot.add_to(*command, "--robot", false);
   command->add_flag("--servo", a->servo,
                     "Position servos from commanded and measured positions (CSV: t, u1.., q1..)");
+  command
+      ->add_option("--assume", a->assume, "How to read the logs: auto, or KEY=VALUE,... as diagnose proposes")
+      ->type_name("auto|KEY=VALUE,...");
   command->add_option("--log", a->logs, "Logs to fit (CSV: t, q1.., dq1.., tau1..; or .bag)")
       ->required()
       ->type_name("FILE...");

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "dynid/app/option_error.hpp"
+#include "dynid/base/error.hpp"
 
 namespace dynid {
 namespace detail {
@@ -31,6 +32,14 @@ void check_not_negative(const std::string& option, double value) {
 void check_within(const std::string& option, double value, double lowest, double highest) {
   if (!(value >= lowest && value <= highest))
     throw OptionError(option, text_of(value) + " is not within " + text_of(lowest) + ".." + text_of(highest));
+}
+
+Assumptions assumptions(const std::string& text, int joints) {
+  try {
+    return parse_assumptions(text, joints);
+  } catch (const Error& error) {
+    throw OptionError("assume", error.what());
+  }
 }
 
 }  // namespace detail

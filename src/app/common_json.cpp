@@ -18,6 +18,19 @@ nlohmann::json to_json(const std::vector<Coefficient>& coefficients) {
   return list;
 }
 
+nlohmann::json conventions_json(const ConventionReport& report) {
+  nlohmann::json conventions = nlohmann::json::array();
+  for (const Convention& c : report.conventions)
+    conventions.push_back({{"name", c.name},
+                           {"joints", c.joints},
+                           {"value", c.value},
+                           {"explained_before", c.explained_before},
+                           {"explained_after", c.explained_after},
+                           {"assume", c.assume},
+                           {"text", c.text}});
+  return conventions;
+}
+
 nlohmann::json to_json(const std::vector<PreparedLog>& logs) {
   nlohmann::json issues = nlohmann::json::array();
   Eigen::Index samples = 0;
@@ -31,7 +44,10 @@ nlohmann::json to_json(const std::vector<PreparedLog>& logs) {
                         {"text", issue.text},
                         {"log", log.source}});
   }
-  return {{"samples", samples}, {"rate_hz", logs.front().report.rate_hz}, {"issues", issues}};
+  return {{"samples", samples},
+          {"rate_hz", logs.front().report.rate_hz},
+          {"columns", logs.front().report.columns},
+          {"issues", issues}};
 }
 
 }  // namespace dynid

@@ -6,6 +6,8 @@
 #include "app/check.hpp"
 #include "app/job.hpp"
 #include "dynid/app/option_error.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/diagnosis/report.hpp"
 #include "dynid/identification/identify.hpp"
@@ -23,16 +25,6 @@ bool take_out(const std::string& name, Robot& nominal) {
     return false;
   }
   return true;
-}
-
-/// A word of a command line, for a shell.
-std::string quoted(const std::string& word) {
-  if (!word.empty() && word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-                                              "_-./=:,+@%") == std::string::npos)
-    return word;
-  std::string out = "'";
-  for (const char c : word) out += c == '\'' ? "'\\''" : std::string(1, c);
-  return out + "'";
 }
 
 std::string in_json(double value) { return nlohmann::json(value).dump(); }
@@ -57,8 +49,25 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
   DiagnoseOptions options = job.options;
   for (const std::string& name : job.withhold)
     if (!take_out(name, report.nominal)) options.withhold.push_back(name);
-  const double start = job.reference ? 0.3 : 0.0;
-  if (job.reference) {
+  std::vector<Log> logs = job.logs;
+  std::optional<Log> reference = job.reference;
+  options.reading = job.assume.empty() ? Reading::ask : Reading::apply;
+  if (!job.assume.empty() && job.assume != "auto") {
+    const Assumptions assumed = detail::assumptions(job.assume, report.nominal.size());
+    report.nominal = apply_conventions(assumed, report.nominal);
+    for (Log& log : logs) log = apply_conventions(assumed, report.nominal, std::move(log));
+    if (reference) reference = apply_conventions(assumed, report.nominal, *std::move(reference));
+    options.reading = Reading::trust;
+  }
+  if (reference && options.reading != Reading::trust) {
+    // Fitted to a misread log, the model would agree with others that are misread alike.
+    const ConventionReport misread = find_conventions(report.nominal, {*reference});
+    if (!misread.conventions.empty())
+      throw Error(reference->source + ": " + misread.conventions.front().text + " Give --assume " +
+                  misread.assume);
+  }
+  const double start = reference ? 0.3 : 0.0;
+  if (reference) {
     const Context healthy = context.part(0.0, start);
     detail::JobProgress progress(healthy, 0.6);
     IdentifyOptions identify_options;
@@ -66,12 +75,12 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
     identify_options.progress = [&progress](const std::string& stage, double fraction) {
       progress("healthy log: " + stage, fraction);
     };
-    report.nominal = identify(report.nominal, {*job.reference}, {}, identify_options).robot;
+    report.nominal = identify(report.nominal, {*reference}, {}, identify_options).robot;
   }
   const Context search = context.part(start, 1.0);
   detail::JobProgress progress(search);
   options.progress = std::ref(progress);
-  report.diagnosis = diagnose(report.nominal, job.logs, options);
+  report.diagnosis = diagnose(report.nominal, logs, options);
   context.check();
   return report;
 }
@@ -86,18 +95,22 @@ std::string DiagnoseReport::html(const std::string& command, const std::string& 
 }
 
 std::string DiagnoseCommand::line() const {
-  std::string out = "dynid diagnose --model " + quoted(model);
+  std::string out = "dynid diagnose --model " + shell_quoted(model);
   const auto add = [&out](const std::string& option, const std::string& value) {
-    if (!value.empty()) out += " " + option + " " + quoted(value);
+    if (!value.empty()) out += " " + option + " " + shell_quoted(value);
   };
   const DiagnoseOptions usual;
   add("--base", base);
   add("--tip", tip);
   out += " --log";
-  for (const std::string& log : logs) out += " " + quoted(log);
+  for (const std::string& log : logs) out += " " + shell_quoted(log);
   add("--reference", reference);
   add("--topic", topic);
   for (const std::string& name : withhold) add("--withhold", name);
+  add("--assume", assume);
+  add("--gravity", gravity);
+  add("--columns", columns);
+  if (rate > 0.0) add("--rate", in_json(rate));
   if (cutoff > 0.0) add("--cutoff", in_json(cutoff));
   if (tolerance != usual.tolerance) add("--tolerance", in_json(tolerance));
   if (seed != usual.seed) add("--seed", std::to_string(seed));

@@ -66,9 +66,20 @@ nlohmann::json judgement_json(const Diagnosis& d) {
 nlohmann::json gap_json(const Diagnosis& d) {
   return {{"rms", to_json(d.rms)},
           {"floor", to_json(d.floor)},
+          {"unit", d.unit},
+          {"p_value", d.p_value},
+          {"structure_p_value", d.structure_p_value},
+          {"upper", to_json(d.upper)},
+          {"tolerance", to_json(d.tolerance)},
           {"where", where_json(d)},
           {"windows", windows_json(d)},
           {"smallest_visible", visible_json(d)}};
+}
+
+nlohmann::json data_json(const Diagnosis& d) {
+  nlohmann::json data = to_json(d.logs);
+  data["conventions"] = conventions_json(d.conventions);
+  return data;
 }
 
 nlohmann::json ranking_json(const Diagnosis& d) {
@@ -106,9 +117,8 @@ nlohmann::json next_json(const NextExperiment& next) {
 nlohmann::json to_json(const DiagnoseReport& report) {
   const Diagnosis& d = report.diagnosis;
   return {{"format", "dynid-diagnosis-1"},
-          {"data", to_json(d.logs)},
+          {"data", data_json(d)},
           {"gap", gap_json(d)},
-          {"p_value", d.p_value},
           {"verdict", to_string(d.verdict)},
           {"effects", effects_json(d)},
           {"ranking", ranking_json(d)},

@@ -1,16 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <functional>
 #include <iomanip>
 #include <ostream>
 
 #include "dynid/app/text.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid {
+namespace {
+
+/// One unit for all joints, or each one's.
+std::string units(const std::vector<std::string>& unit) {
+  const bool same = std::adjacent_find(unit.begin(), unit.end(), std::not_equal_to<>()) == unit.end();
+  return same && !unit.empty() ? unit.front() : join(unit, " | ");
+}
+
+}  // namespace
 
 void print(std::ostream& out, const DiagnoseReport& report) {
   const Diagnosis& d = report.diagnosis;
-  out << "Verdict: " << to_string(d.verdict) << " (p = " << d.p_value
-      << ")\n  gap [N m rms]:   " << in_a_row(d.rms) << "\n  floor [N m rms]: " << in_a_row(d.floor) << "\n";
+  out << "Verdict: " << to_string(d.verdict) << "\n";
+  const bool applied = d.verdict != Verdict::misread;
+  for (const Convention& c : d.conventions.conventions)
+    out << "  " << (applied ? "read as assumed: " : "") << c.text << " (the model explains "
+        << 100.0 * c.explained_before << " % as it stands, " << 100.0 * c.explained_after << " % so)\n";
+  if (!applied) {
+    out << "Next: " << d.next.text << "\n";
+    return;
+  }
+  out << "  gap [" << units(d.unit) << " rms]: " << in_a_row(d.rms)
+      << "\n  noise floor: " << in_a_row(d.floor) << "\n  at most (95 %): " << in_a_row(d.upper)
+      << "\n  of no account:  " << in_a_row(d.tolerance)
+      << "\n  chance that a robot which the model describes to within the tolerance shows such a gap: "
+      << d.p_value << "\n";
   for (const FoundEffect& e : d.effects) {
     out << "  " << e.effect.name << " on joint" << (e.effect.joints.size() > 1 ? "s" : "");
     for (const int j : e.effect.joints) out << " " << j;

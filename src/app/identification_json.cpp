@@ -93,6 +93,7 @@ nlohmann::json to_json(const IdentifyReport& report) {
         {"source", id.validation_note}, {"rmse", nullptr}, {"relative_error_percent", nullptr}};
   }
   if (!id.friction.empty()) result["friction_laws"] = comparison_json(id.friction);
+  result["data"]["conventions"] = conventions_json(report.conventions);
   result["remarks"] = nlohmann::json::array();
   for (const Remark& r : id.remarks)
     result["remarks"].push_back(

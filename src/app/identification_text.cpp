@@ -94,6 +94,9 @@ void print(std::ostream& out, const IdentifyReport& report) {
     out << "  joint " << c.joint << ": " << word_for(friction_laws(), c.chosen) << " friction (held-out rms "
         << c.linear << " linear, " << c.sigmoid << " sigmoid)\n";
   print(out, id.coefficients);
+  for (const Convention& c : report.conventions.conventions)
+    out << (report.conventions_applied ? "Read as assumed: " : "Warning: ") << c.text
+        << (report.conventions_applied ? "" : " Give --assume " + report.conventions.assume) << "\n";
   for (const Remark& r : id.remarks) out << "Warning: " << r.text << "\n";
   print_consistency(out, report.source, report.physically_consistent);
 }

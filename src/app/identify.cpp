@@ -18,7 +18,18 @@ IdentifyReport run(const IdentifyJob& job, const Context& context) {
   IdentifyOptions options = job.options;
   options.progress = std::ref(progress);
   IdentifyReport report;
-  report.identification = identify(job.robot, job.logs, job.validation, options);
+  Robot robot = job.robot;
+  std::vector<Log> logs = job.logs, validation = job.validation;
+  if (job.assume.empty() || job.assume == "auto") report.conventions = find_conventions(robot, logs);
+  const std::string assume = job.assume == "auto" ? report.conventions.assume : job.assume;
+  if (!assume.empty()) {
+    const Assumptions assumed = detail::assumptions(assume, robot.size());
+    robot = apply_conventions(assumed, robot);
+    for (std::vector<Log>* list : {&logs, &validation})
+      for (Log& log : *list) log = apply_conventions(assumed, robot, std::move(log));
+    report.conventions_applied = true;
+  }
+  report.identification = identify(robot, logs, validation, options);
   report.source = job.source;
   for (const Log& log : job.logs) report.logs.push_back(log.source);
   report.physically_consistent = inconsistencies(report.identification.robot).empty();

@@ -49,8 +49,10 @@ nlohmann::json labels_json(const SimulateReport& report);
 
 nlohmann::json to_json(const Eigen::Ref<const Eigen::VectorXd>& x);
 nlohmann::json to_json(const std::vector<Coefficient>& coefficients);
-/// `{"samples", "rate_hz", "issues": [{"name", "joints", "value", "unit", "text", "log"}]}` of all logs
-/// together.
+/// Of a log: `[{"name", "joints", "value", "explained_before", "explained_after", "assume", "text"}]`.
+nlohmann::json conventions_json(const ConventionReport& report);
+/// `{"samples", "rate_hz", "columns", "issues": [{"name", "joints", "value", "unit", "text", "log"}]}` of all
+/// logs together.
 nlohmann::json to_json(const std::vector<PreparedLog>& logs);
 
 }  // namespace dynid

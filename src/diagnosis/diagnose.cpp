@@ -64,11 +64,8 @@ std::vector<const Hypothesis*> library_of(const DiagnoseOptions& options) {
 }
 
 /// The answer where the data cannot carry one.
-void refuse(const GapRows& everything, const std::vector<bool>& held_out,
-            const std::vector<DataIssue>& invalid, Diagnosis& out) {
-  out.logs.front().report.issues.insert(out.logs.front().report.issues.begin(), invalid.begin(),
-                                        invalid.end());
-  out.verdict = Verdict::data_invalid;
+void refuse(const GapRows& everything, const std::vector<bool>& held_out, Verdict verdict, Diagnosis& out) {
+  out.verdict = verdict;
   out.shrink.before = out.shrink.after = out.rms;
   out.shrink.floor = out.floor;
   out.upper = out.rms;
@@ -76,7 +73,13 @@ void refuse(const GapRows& everything, const std::vector<bool>& held_out,
   out.series = {everything.log, everything.t, everything.y, everything.y, held_out};
   for (const auto& h : hypotheses())
     if (out.ranking.empty() || out.ranking.back().name != h->name()) out.ranking.push_back({h->name()});
-  out.next.text = "Record again: " + invalid.front().text + ".";
+}
+
+/// Says of each convention by which figures it was told.
+void judge_reading(const ConventionReport& report, Diagnosis& out) {
+  for (const Convention& c : report.conventions)
+    out.judgement.push_back({c.name, c.explained_after, c.explained_before, false, c.text});
+  out.next.text = "Read the log as it is meant: --assume " + report.assume + " (or --assume auto).";
 }
 
 /// The effects that are named, with their intervals, over all rows that show them.
@@ -96,6 +99,20 @@ std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, 
   return out;
 }
 
+/// The diagnosis of the logs as find_conventions() reads them.
+Diagnosis diagnose_as_read(const Robot& nominal, const std::vector<Log>& logs, DiagnoseOptions options,
+                           const ConventionReport& conventions) {
+  const Assumptions assumed = parse_assumptions(conventions.assume, nominal.size());
+  const Robot mounted = apply_conventions(assumed, nominal);
+  std::vector<Log> read;
+  read.reserve(logs.size());
+  for (const Log& log : logs) read.push_back(apply_conventions(assumed, mounted, log));
+  options.reading = Reading::trust;
+  Diagnosis out = diagnose(mounted, read, options);
+  out.conventions = conventions;
+  return out;
+}
+
 }  // namespace
 
 const char* to_string(Verdict verdict) {
@@ -110,6 +127,8 @@ const char* to_string(Verdict verdict) {
       return "partly_explained";
     case Verdict::unexplained:
       return "unexplained";
+    case Verdict::misread:
+      return "misread";
     case Verdict::data_invalid:
       break;
   }
@@ -127,6 +146,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   check(nominal, logs);
   Diagnosis out;
   say("checking the data", 0.0);
+  if (options.reading != Reading::trust) out.conventions = find_conventions(nominal, logs);
+  if (options.reading == Reading::apply && !out.conventions.conventions.empty())
+    return diagnose_as_read(nominal, logs, options, out.conventions);
   const PrepareOptions band = band_of(logs, options.cutoff);
   out.cutoff = band.cutoff;
   for (const Log& log : logs) out.logs.push_back(prepare(log, band));
@@ -139,8 +161,17 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   for (const Joint& joint : nominal.joints) out.unit.push_back(joint_units(joint.type).torque);
   const std::vector<DataIssue> invalid = unusable(logs, out.logs);
   for (PreparedLog& log : out.logs) log.segments.clear();
+  if (!out.conventions.conventions.empty()) {
+    refuse(everything, parts.to_judge, Verdict::misread, out);
+    judge_reading(out.conventions, out);
+    out.seconds = seconds();
+    return out;
+  }
   if (!invalid.empty()) {
-    refuse(everything, parts.to_judge, invalid, out);
+    std::vector<DataIssue>& issues = out.logs.front().report.issues;
+    issues.insert(issues.begin(), invalid.begin(), invalid.end());
+    refuse(everything, parts.to_judge, Verdict::data_invalid, out);
+    out.next.text = "Record again: " + invalid.front().text + ".";
     out.seconds = seconds();
     return out;
   }

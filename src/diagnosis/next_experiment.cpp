@@ -201,6 +201,9 @@ NextExperiment without_alias(const Diagnosis& d) {
                      "', where the gap is largest.";
       break;
     }
+    case Verdict::misread:
+      next.text = "Read the log as it is meant, with --assume auto, before anything is recorded again.";
+      break;
     case Verdict::data_invalid:
       next.text = "Record the log again: see the data issues.";
   }

@@ -148,6 +148,8 @@ Tone tone(Verdict verdict) {
       return {"Partly explained", "warn"};
     case Verdict::unexplained:
       return {"Unexplained", "bad"};
+    case Verdict::misread:
+      return {"Log misread", "bad"};
     case Verdict::data_invalid:
       break;
   }
@@ -812,6 +814,12 @@ std::string verdict_sentence(const Diagnosis& d) {
              " of it goes away on data that took no part; the rest is none of the known effects.";
     case Verdict::unexplained:
       return "There is a gap, and none of the known effects explains it.";
+    case Verdict::misread: {
+      std::vector<std::string> texts;
+      for (const Convention& c : d.conventions.conventions) texts.push_back(c.text);
+      return "The log does not mean what the model takes it to mean: " + join(texts, " ") +
+             " Read it with --assume " + d.conventions.assume + ".";
+    }
     case Verdict::data_invalid:
       break;
   }

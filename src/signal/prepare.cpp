@@ -9,6 +9,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/statistics.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/signal/filter.hpp"
 #include "dynid/signal/spectrum.hpp"
 
@@ -137,6 +138,19 @@ bool velocity_is_quieter(const Log& log, const Interval& in, double cutoff) {
   return votes >= 0;
 }
 
+/// What was remarked when the log was read.
+void check_reading(const Log& log, DataReport& report) {
+  report.columns = log.columns;
+  for (const LogNote& note : log.notes)
+    report.issues.push_back({note.name, note.joints, note.value, note.unit, note.text});
+  if (!log.unread.empty())
+    report.issues.push_back({"unread_columns",
+                             {},
+                             double(log.unread.size()),
+                             "1",
+                             "columns that were not read: " + join(log.unread)});
+}
+
 void check_timing(const Log& log, const Interval& in, DataReport& report) {
   const auto dropped = double(log.samples()) - double(in.rows.size());
   if (dropped > 0)
@@ -261,6 +275,7 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   out.report.samples = log.samples();
   out.report.rate_hz = in.rate;
   out.report.duration = log.t[log.t.size() - 1] - log.t[0];
+  check_reading(log, out.report);
   check_timing(log, in, out.report);
   check_channels(log, in, out.report);
 

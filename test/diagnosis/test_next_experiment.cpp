@@ -70,8 +70,9 @@ TEST(NextExperiment, SaysWhereNoMotionHelps) {
 }
 
 TEST(NextExperiment, AlwaysSaysSomething) {
-  for (const Verdict verdict : {Verdict::no_gap, Verdict::not_detected, Verdict::explained,
-                                Verdict::partly_explained, Verdict::unexplained, Verdict::data_invalid}) {
+  for (const Verdict verdict :
+       {Verdict::no_gap, Verdict::not_detected, Verdict::explained, Verdict::partly_explained,
+        Verdict::unexplained, Verdict::misread, Verdict::data_invalid}) {
     Diagnosis d;
     d.verdict = verdict;
     EXPECT_FALSE(detail::next_experiment(panda(), d).text.empty()) << to_string(verdict);

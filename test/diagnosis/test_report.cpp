@@ -94,7 +94,8 @@ std::size_t count(const std::string& text, const std::string& part) {
 }
 
 const Verdict verdicts[] = {Verdict::no_gap,           Verdict::not_detected, Verdict::explained,
-                            Verdict::partly_explained, Verdict::unexplained,  Verdict::data_invalid};
+                            Verdict::partly_explained, Verdict::unexplained,  Verdict::misread,
+                            Verdict::data_invalid};
 
 TEST(Report, IsWellFormedWithEverySectionOnceWhateverTheVerdict) {
   for (const Verdict verdict : verdicts) {

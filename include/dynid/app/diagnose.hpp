@@ -21,7 +21,10 @@ struct DiagnoseJob {
   /// `friction` or `payload` to take it out of the nominal model (to check the diagnosis), else the name of
   /// an effect to take out of the library.
   std::vector<std::string> withhold;
-  DiagnoseOptions options;  ///< its `progress` is the context's; its `withhold` is added to
+  /// How the logs (and the reference) are to be read: empty: as they stand, and asked whether they mean that;
+  /// `auto`: as find_conventions() says; else a text for parse_assumptions(), which is not doubted.
+  std::string assume;
+  DiagnoseOptions options;  ///< its `progress` and `reading` are the job's; its `withhold` is added to
 };
 
 struct DiagnoseReport {
@@ -30,7 +33,9 @@ struct DiagnoseReport {
   std::vector<std::string> logs;  ///< their sources
   bool referenced = false;        ///< fitted to a healthy log first: view B
 
-  bool succeeded() const { return diagnosis.verdict != Verdict::data_invalid; }
+  bool succeeded() const {
+    return diagnosis.verdict != Verdict::data_invalid && diagnosis.verdict != Verdict::misread;
+  }
   /// The nominal model with the effects found in it, to write; there is one where effects were found.
   std::optional<ModelFile> patch() const;
   /// The page: see to_html(). `command` is what makes it again, for a person to read, `version` the
@@ -52,6 +57,8 @@ struct DiagnoseCommand {
   std::vector<std::string> logs;
   std::string reference, topic;
   std::vector<std::string> withhold;
+  std::string assume, gravity, columns;
+  double rate = 0.0;
   double cutoff = 0.0;
   double tolerance = DiagnoseOptions().tolerance;
   unsigned seed = DiagnoseOptions().seed;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "dynid/app/context.hpp"
+#include "dynid/identification/conventions.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/model/coefficient.hpp"
 #include "dynid/model/robot.hpp"
@@ -18,13 +19,19 @@ struct IdentifyJob {
   std::string source;           ///< what the robot was read from, for messages
   std::vector<Log> logs;        ///< fitted; each has the robot's joints, base to tip
   std::vector<Log> validation;  ///< predicted, never fitted
-  IdentifyOptions options;      ///< its `progress` is not called: the context's is
+  /// How the logs are to be read: empty: as they stand; `auto`: as find_conventions() says; else a text for
+  /// parse_assumptions().
+  std::string assume;
+  IdentifyOptions options;  ///< its `progress` is not called: the context's is
 };
 
 struct IdentifyReport {
   Identification identification;
-  std::string source;                  ///< of the robot
-  std::vector<std::string> logs;       ///< sources of the logs that were fitted
+  std::string source;             ///< of the robot
+  std::vector<std::string> logs;  ///< sources of the logs that were fitted
+  /// In which the logs differ from what the robot's inertials say: applied, where that was assumed.
+  ConventionReport conventions;
+  bool conventions_applied = false;
   bool physically_consistent = false;  ///< the robot nearest the given one that has the coefficients
   double seconds = 0.0;
 

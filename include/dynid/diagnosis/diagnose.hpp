@@ -11,6 +11,7 @@
 #include "dynid/diagnosis/gap_series.hpp"
 #include "dynid/diagnosis/next_experiment.hpp"
 #include "dynid/diagnosis/rollout.hpp"
+#include "dynid/identification/conventions.hpp"
 #include "dynid/model/effect.hpp"
 #include "dynid/model/robot.hpp"
 #include "dynid/signal/log.hpp"
@@ -18,7 +19,15 @@
 
 namespace dynid {
 
-enum class Verdict { no_gap, not_detected, explained, partly_explained, unexplained, data_invalid };
+enum class Verdict {
+  no_gap,
+  not_detected,
+  explained,
+  partly_explained,
+  unexplained,
+  misread,  ///< the logs do not mean what the model takes them to mean
+  data_invalid
+};
 const char* to_string(Verdict verdict);
 
 class Hypothesis;
@@ -76,6 +85,13 @@ struct Shrink {
   bool held_out = true;
 };
 
+/// What to do where logs speak another language than the model: see find_conventions().
+enum class Reading {
+  ask,    ///< stop: Verdict::misread
+  apply,  ///< read them as find_conventions() says, and go on
+  trust,  ///< do not look
+};
+
 struct DiagnoseOptions {
   double cutoff = 0.0;                   ///< [Hz] of the band looked at; 0: chosen, at most 10
   std::vector<std::string> withhold;     ///< effects taken out of the library
@@ -83,6 +99,7 @@ struct DiagnoseOptions {
   int most_effects = 6;
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
   Criteria criteria;
+  Reading reading = Reading::ask;
   unsigned seed = 1;  ///< of surrogates and intervals
   int surrogates = 199;
   bool replay = true;  ///< replay the motion with the patch, and propose the next experiment
@@ -103,6 +120,7 @@ struct Diagnosis {
   /// Chance that a gap of the same spectrum, unrelated to the motion, is explained as well by any effect: it
   /// tests the gap's phases, not its size.
   double structure_p_value = 1.0;
+  ConventionReport conventions;   ///< in which the logs differ from the model's; applied, or the verdict
   std::vector<PreparedLog> logs;  ///< checks of each log; their segments are released
   Eigen::VectorXd rms, floor;     ///< n [N m or N]: of the gap, and of the noise in the band
   Eigen::VectorXd upper;          ///< n [N m or N]: 95 % upper limit of the gap's rms beyond the floor

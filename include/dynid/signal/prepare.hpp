@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct DataReport {
   double rate_hz = 0.0;      ///< 1 / median interval, repeats left out
   double duration = 0.0;     ///< [s]
   std::vector<DataIssue> issues;
+  std::map<std::string, std::vector<std::string>> columns;  ///< as Log::columns
 };
 
 /// Where velocity and acceleration come from.
