@@ -67,7 +67,9 @@ class Judge {
       std::size_t least = 0;
       double lowest = 1.0;
       for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
-        const double here = out.shares[k] < criteria_.least_share ? 0.0 : needed(choice_, out.model, k);
+        const double here = out.shares[k] < criteria_.least_share || below_form(choice_, out.model, k)
+                                ? 0.0
+                                : needed(choice_, out.model, k);
         if (here < lowest) lowest = here, least = k;
       }
       if (lowest >= criteria_.least_probability) break;

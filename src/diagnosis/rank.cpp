@@ -85,6 +85,14 @@ double needed(const Choice& choice, const GapModel& model, std::size_t which) {
   return 1.0 / (1.0 + std::exp((score(base) - score(model)) / calibration().temperature));
 }
 
+bool below_form(const Choice& choice, const GapModel& model, std::size_t which) {
+  const FormError form = form_error(choice, model, which);
+  const Eigen::MatrixXd torque = own_contribution(model, which);
+  for (Eigen::Index j = 0; j < torque.cols(); ++j)
+    if (torque.col(j).squaredNorm() > form.size[j] * double(torque.rows())) return false;
+  return true;
+}
+
 Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares, double explained,
             const Eigen::VectorXd& floor) {
   const double temperature = calibration().temperature;
