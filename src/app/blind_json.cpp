@@ -18,10 +18,10 @@ nlohmann::json case_json(const BlindCase& c) {
   for (const Effect& e : c.truth)
     truth.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
   for (const FoundEffect& e : c.found) found.push_back(found_json(e));
-  return {{"truth", truth},       {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
-          {"found", found},       {"p_value", c.p_value},         {"explained", c.explained},
-          {"shrink", c.shrink},   {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
-          {"seconds", c.seconds}, {"failure", c.failure},         {"drawn", c.drawn},
+  return {{"truth", truth},          {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
+          {"found", found},          {"p_value", c.p_value},         {"explained", c.explained},
+          {"shrink", c.shrink},      {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
+          {"seconds", c.seconds},    {"failure", c.failure},         {"drawn", c.drawn},
           {"shares", c.truth_shares}};
 }
 

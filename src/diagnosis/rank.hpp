@@ -26,8 +26,8 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
 /// Probability that effect `which` of the set is there, if it or nothing in its place is.
 double needed(const Choice& choice, const GapModel& model, std::size_t which);
 
-/// On every joint where effect `which` of the set acts it is smaller than what the forms of the others are not
-/// exact in there.
+/// On every joint where effect `which` of the set acts it is smaller than what the forms of the others are
+/// not exact in there.
 bool below_form(const Choice& choice, const GapModel& model, std::size_t which);
 
 /// Effects by share, largest first.

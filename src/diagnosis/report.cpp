@@ -434,7 +434,7 @@ class Page {
           angle(d_.rollout.before[k]) + (d_.effects.empty() ? "" : " \u2192 " + angle(d_.rollout.after[k])),
           "error of the motion after " + number(d_.rollout.horizon[k]) + " s of replay");
     }
-    figure(number(d_.p_value, "%.2g"), "p-value: chance of such a gap from noise alone");
+    figure(number(d_.p_value, "%.2g"), "p-value: chance of such a gap from noise and tolerance alone");
     out_ << "</div>\n";
   }
 

@@ -39,9 +39,7 @@ ModelFile random_model(Random& random) {
       {"joint_spring",
        {1, 4},
        {{"rest", {0.1 + 0.2, 0, 0, 1.0 / 3, 0, 0}}, {"stiffness", {1.0 / 7, 0, 0, -2.0 / 3, 0, 0}}}},
-      {"time_delay",
-       {1, 2, 3, 4, 5, 6},
-       {{"channel_delay_s", {0, 0, 0, 0, 0, 0}}, {"delay_s", {1e-300}}}}};
+      {"time_delay", {1, 2, 3, 4, 5, 6}, {{"channel_delay_s", {0, 0, 0, 0, 0, 0}}, {"delay_s", {1e-300}}}}};
   model.note = "a note: with \"quotes\", a # and\na second line";
   model.coefficients = {{"zz1", "yy2 + zz1", 0.1 + 0.2, 1.0 / 3.0, true},
                         {"fv1", "", -1e-300, std::numeric_limits<double>::infinity(), false}};
