@@ -63,7 +63,7 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
     // Fitted to a misread log, the model would agree with others that are misread alike.
     const ConventionReport misread = find_conventions(report.nominal, {*reference});
     if (!misread.conventions.empty())
-      throw Error(reference->source + ": " + misread.conventions.front().text + " Give --assume " +
+      throw Error(reference->source + ": " + misread.conventions.front().text + ": give --assume " +
                   misread.assume);
   }
   const double start = reference ? 0.3 : 0.0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <iomanip>
 #include <ostream>
@@ -24,7 +25,8 @@ void print(std::ostream& out, const DiagnoseReport& report) {
   const bool applied = d.verdict != Verdict::misread;
   for (const Convention& c : d.conventions.conventions)
     out << "  " << (applied ? "read as assumed: " : "") << c.text << " (the model explains "
-        << 100.0 * c.explained_before << " % as it stands, " << 100.0 * c.explained_after << " % so)\n";
+        << std::lround(100.0 * c.explained_before) << " % of it as it stands, "
+        << std::lround(100.0 * c.explained_after) << " % so)\n";
   if (!applied) {
     out << "Next: " << d.next.text << "\n";
     return;

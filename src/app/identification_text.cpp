@@ -96,7 +96,7 @@ void print(std::ostream& out, const IdentifyReport& report) {
   print(out, id.coefficients);
   for (const Convention& c : report.conventions.conventions)
     out << (report.conventions_applied ? "Read as assumed: " : "Warning: ") << c.text
-        << (report.conventions_applied ? "" : " Give --assume " + report.conventions.assume) << "\n";
+        << (report.conventions_applied ? "" : ": give --assume " + report.conventions.assume) << "\n";
   for (const Remark& r : id.remarks) out << "Warning: " << r.text << "\n";
   print_consistency(out, report.source, report.physically_consistent);
 }

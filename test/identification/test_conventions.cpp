@@ -11,6 +11,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
+#include "dynid/effect/catalogue.hpp"
 #include "dynid/friction/friction.hpp"
 #include "dynid/identification/conventions.hpp"
 #include "dynid/identification/predict.hpp"
@@ -442,7 +443,7 @@ TEST(Conventions, ImperfectRobotsAreNotMisread) {
 TEST(Conventions, EffectsOfTheCatalogueAreNotMisread) {
   const Robot robot = robots()[0];
   unsigned long seed = 40;
-  for (const EffectSpec& spec : simulation_effects()) {
+  for (const EffectSchema& spec : effect_schemas()) {
     ++seed;
     const Effect effect = draw_effect(spec.name, robot, seed, 1.0, 8.0);
     RandomMotionOptions motion;

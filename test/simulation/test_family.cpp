@@ -10,6 +10,7 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
+#include "dynid/effect/catalogue.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/simulate.hpp"
 #include "robots.hpp"
