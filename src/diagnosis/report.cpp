@@ -818,7 +818,7 @@ std::string verdict_sentence(const Diagnosis& d) {
       std::vector<std::string> texts;
       for (const Convention& c : d.conventions.conventions) texts.push_back(c.text);
       return "The log does not mean what the model takes it to mean: " + join(texts, "; ") +
-             ". Read it with --assume " + d.conventions.assume + ".";
+             "; read it with --assume " + d.conventions.assume + ".";
     }
     case Verdict::data_invalid:
       break;

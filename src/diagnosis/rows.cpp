@@ -82,6 +82,7 @@ GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
 
 void GapRows::find_ranges() {
   constexpr double exceeded = 0.995;  // part of the samples: one that stands out is noise
+  constexpr double noise_room = 4.0;  // standard deviations: a log that stands at a limit has noise there
   const int n = joints();
   Eigen::Index samples = 0;
   for (const GapMotion& m : *motions_) samples += m.samples();
@@ -97,11 +98,19 @@ void GapRows::find_ranges() {
   const std::vector<JointScale> scales =
       joint_scales(motions_->front().robot(), all_q, all_dq, all_ddq, all_tau, 1.0 / motions_->front().rate);
   for (int j = 0; j < n; ++j) {
-    Eigen::VectorXd tau = all_tau.col(j).cwiseAbs();
+    Eigen::VectorXd tau = all_tau.col(j);
+    // Third differences leave noise of twenty times the variance and next to nothing of the motion.
+    const Eigen::Index third = samples - 3;
+    const double noise = third < 1 ? 0.0
+                                   : std::sqrt((tau.tail(third) - 3.0 * tau.segment(2, third) +
+                                                3.0 * tau.segment(1, third) - tau.head(third))
+                                                   .squaredNorm() /
+                                               (20.0 * double(third)));
+    tau = tau.cwiseAbs();
     const auto rank = static_cast<Eigen::Index>(exceeded * double(samples - 1));
     std::nth_element(tau.data(), tau.data() + rank, tau.data() + samples);
-    range.push_back(
-        {scales[static_cast<std::size_t>(j)], all_q.col(j).minCoeff(), all_q.col(j).maxCoeff(), tau[rank]});
+    range.push_back({scales[static_cast<std::size_t>(j)], all_q.col(j).minCoeff(), all_q.col(j).maxCoeff(),
+                     std::max(0.0, tau[rank] - noise_room * noise)});
   }
 }
 

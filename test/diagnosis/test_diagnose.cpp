@@ -595,7 +595,10 @@ TEST(Diagnose, WhatOtherEffectsAddIsAsLate) {
                                {"time_delay:delay_s=0.027",
                                 "torque_ripple:joints=4+5,amplitude=0.87:0.81,order=59:77,phase=-1:2"},
                                51));
-  ASSERT_EQ(d.effects.size(), 2U) << to_string(d.verdict) << ", explained " << d.explained;
+  std::string named;
+  for (const FoundEffect& e : d.effects)
+    named += " " + e.effect.name + " " + std::to_string(e.probability) + " " + std::to_string(e.share);
+  ASSERT_EQ(d.effects.size(), 2U) << to_string(d.verdict) << ", explained " << d.explained << named;
   for (const FoundEffect& e : d.effects) {
     if (e.effect.name == "time_delay") {
       EXPECT_NEAR(value(e, "delay_s"), 0.027, 0.001);
@@ -645,9 +648,15 @@ TEST(Diagnose, DataThatCannotBeTrustedAreInvalid) {
   std::vector<Log> degrees = recorded(robot, {}, 4);
   for (Log& log : degrees) log.dq *= 180.0 / M_PI;
   const Diagnosis d = diagnose(robot, degrees);
-  EXPECT_EQ(d.verdict, Verdict::data_invalid);
+  EXPECT_EQ(d.verdict, Verdict::misread);
   EXPECT_TRUE(d.effects.empty());
-  EXPECT_EQ(d.logs[0].report.issues[0].name, "velocity_mismatch");
+  ASSERT_FALSE(d.conventions.conventions.empty());
+  EXPECT_EQ(d.conventions.conventions[0].name, "velocity_unit");
+  DiagnoseOptions trusting;
+  trusting.reading = Reading::trust;
+  const Diagnosis trusted = diagnose(robot, degrees, trusting);
+  EXPECT_EQ(trusted.verdict, Verdict::data_invalid);
+  EXPECT_EQ(trusted.logs[0].report.issues[0].name, "velocity_mismatch");
   std::vector<Log> dead = recorded(robot, {}, 4);
   dead[1].tau.col(2).setZero();
   const Diagnosis e = diagnose(robot, dead);

@@ -36,7 +36,8 @@ struct ShapeParameter {
 struct JointRange {
   JointScale scale;
   double lower = 0.0, upper = 0.0;  ///< [rad] or [m]: of its positions
-  double torque = 0.0;              ///< [N m] or [N]: that one measured sample in two hundred exceeds
+  double torque = 0.0;  ///< [N m] or [N]: that one measured sample in two hundred exceeds, white noise
+                        ///< (four standard deviations) taken off
 };
 
 /// A value of an effect for a person, a file, a label.
