@@ -369,7 +369,7 @@ TEST_F(CommandLine, BadLogsAreRefusedByFileLineAndColumn) {
       identify + write("text.csv", header + "\n" + first + "\nabc" + second.substr(second.find(','))),
       "text.csv:3: column t: 'abc' is not a number");
   expect_refused(identify + write("nan.csv", header + "\n" + first.substr(0, first.rfind(',')) + ",nan\n"),
-                 "nan.csv:2: column tau7: nan is not finite");
+                 "nan.csv:2: column tau7 has no number");
   expect_refused(identify + write("back.csv", header + "\n" + second + "\n" + first + "\n"),
                  "back.csv:3: column t: time goes back");
   expect_refused(identify + write("empty.csv", ""), "empty.csv: the file is empty");

@@ -451,7 +451,7 @@ TEST_F(Bag, TheNodeSaysInOneLineWhatIsWrong) {
   refused("_bag:=" + path("no.bag") + model + out, "no.bag");
   refused("_bag:=" + path("b.bag") + model + out, "there are /arm");
   refused("_bag:=" + path("a.bag") + model + out, "a.bag");  // a tenth of a second
-  refused("_bag:=" + path("a.bag") + model + out + " _cutoff:=-1", "--cutoff");
+  refused("_bag:=" + path("a.bag") + model + out + " _cutoff:=-1", "~cutoff: -1 is negative");
   refused("_bag:=" + path("a.bag") + model + out + " _frction:=none", "frction");
   refused("_bag:=" + path("a.bag") + model + out + " _diagnose:=maybe", "diagnose");
   refused("_bag:=" + path("a.bag") + " _model:=/no/such.yaml" + out, "/no/such.yaml");
