@@ -191,10 +191,6 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd residual = rms(choice->model.fit.residual);
   out.floor = residual.cwiseMin(options.criteria.floor_room * rows.white_floor).cwiseMax(rows.white_floor);
-  // Where a joint sticks is a place of the gap too.
-  const GapRows shown(everything, choice->split.to_fit);
-  out.where = locate(shown, residual.cwiseMax(rows.white_floor),
-                     surrogates(shown, shown.y, options.surrogates, options.seed));
 
   const GapSize size = gap_size(everything, out.floor, options.tolerance, options.criteria);
   out.p_value = size.p_value;
@@ -206,6 +202,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.explained = judged.explained;
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;
+  // Where a joint sticks is a place of the gap too.
+  const GapRows shown(everything, choice->split.to_fit);
+  out.where = locate(shown, out.floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
 
