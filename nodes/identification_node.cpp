@@ -26,6 +26,7 @@
 #include <thread>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "ros/bag.hpp"
 #include "ros/exciting_command.hpp"
@@ -41,11 +42,6 @@ using Texts = std::map<std::string, std::string>;
 
 std::atomic<bool> end_requested{false};
 extern "C" void on_signal(int) { end_requested = true; }
-
-std::string one_line(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
 
 /// What is no option of the use cases: the node's own.
 const std::set<std::string>& own_parameters() {

@@ -10,18 +10,11 @@
 #include "cli/interrupt.hpp"
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/base/text.hpp"
 
 namespace {
 
 constexpr int bad_usage = 2;
-
-/// One line, whatever a library put into its message.
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (c == '\n' || c == '\r') c = ' ';
-  while (!text.empty() && text.back() == ' ') text.pop_back();
-  return text;
-}
 
 }  // namespace
 
@@ -38,19 +31,19 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& request) {  // --help, --version
     return app.exit(request);
   } catch (const CLI::ParseError& error) {
-    std::cerr << "dynid: " << one_line(error.what()) << " (see --help)\n";
+    std::cerr << "dynid: " << dynid::one_line(error.what()) << " (see --help)\n";
     return bad_usage;
   } catch (const dynid::Stopped&) {
     std::cerr << "dynid: interrupted, nothing was written\n";
     return dynid::interrupted_status();
   } catch (const dynid::OptionError& error) {
-    std::cerr << "dynid: " << one_line(error.on_command_line()) << " (see --help)\n";
+    std::cerr << "dynid: " << dynid::one_line(error.on_command_line()) << " (see --help)\n";
     return bad_usage;
   } catch (const dynid::Error& error) {
-    std::cerr << "dynid: " << one_line(error.what()) << "\n";
+    std::cerr << "dynid: " << dynid::one_line(error.what()) << "\n";
     return bad_usage;
   } catch (const std::exception& error) {
-    std::cerr << "dynid: " << one_line(error.what()) << "\n";
+    std::cerr << "dynid: " << dynid::one_line(error.what()) << "\n";
     return bad_usage;
   }
   return status;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "dynid/base/statistics.hpp"
 #include "energy.hpp"
 #include "held_out.hpp"
 #include "shares.hpp"
@@ -166,9 +167,7 @@ class Judge {
   /// something else is there.
   bool inexact(const GapModel& model, const std::vector<double>& shares, double left) const {
     const Eigen::VectorXd ratio = rms(model.fit.residual).cwiseQuotient(choice_.rows.white_floor);
-    std::vector<double> sorted(ratio.begin(), ratio.end());
-    std::nth_element(sorted.begin(), sorted.begin() + ratio.size() / 2, sorted.end());
-    const double usual = std::max(criteria_.floor_room, sorted[static_cast<std::size_t>(ratio.size() / 2)]);
+    const double usual = std::max(criteria_.floor_room, median(ratio));
     bool more = false;
     for (const Adopted& e : model.effects)
       for (const UnitShape& u : e.units)

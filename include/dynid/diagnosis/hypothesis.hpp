@@ -87,9 +87,6 @@ class Hypothesis {
   /// naming the effect and the key that is missing.
   virtual void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                        Eigen::VectorXd& shape) const = 0;
-  /// Puts the effect into the robot itself where the model has a place for it (inertia, friction, gravity,
-  /// rotor inertia) and returns true; else returns false, and the effect goes into Robot::effects.
-  virtual bool enter(Robot&, const Effect&) const { return false; }
   /// Coefficients and shape can be those of such an effect at all; where shape_only(), c is 1.
   virtual bool plausible(const Robot&, int, const Eigen::VectorXd&, const Eigen::VectorXd&) const {
     return true;
