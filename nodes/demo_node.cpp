@@ -89,7 +89,7 @@ class Demo {
   Parameters parameters_{private_};
   Robot robot_;
   std::string out_;
-  double patience_, push_duration_;
+  double patience_, rest_, push_duration_;
   Eigen::Vector3d force_;
   ros::Publisher push_;
   std::vector<ros::Subscriber> subscribers_;
@@ -110,6 +110,7 @@ Demo::Demo()
     : robot_(read_model_file(parameters_.required_text("model"), "", "", Consistency::ignore).robot),
       out_(parameters_.required_text("out")),
       patience_(parameters_.number("patience", 180.0, {1.0, 3600.0})),
+      rest_(parameters_.number("rest", 2.0, {0.2, 60.0})),
       push_duration_(parameters_.number("push_duration", 1.5, {0.2, 60.0})),
       position_(names(robot_)),
       sum_(VectorXd::Zero(robot_.size())) {
@@ -325,8 +326,8 @@ void Demo::run() {
   }
   say("1. An arm at rest. Its controller and its torque estimator know " + robot_.name +
       ", not what else there is.");
-  listen(3.0);  // until it has settled
-  const Felt before = listen(2.0);
+  listen(1.5 * rest_);  // until it has settled
+  const Felt before = listen(rest_);
   say("   residual at rest [N m]        " + in_a_row(before.residual));
   say(before.contact ? "   taken for a contact: there is a torque that the model does not have"
                      : "   no contact flagged");
@@ -338,8 +339,8 @@ void Demo::run() {
 
   say("3. The torque estimator adopts the identified model while it runs.");
   call("identification/adopt");
-  listen(1.5);
-  const Felt after = listen(2.0);
+  listen(0.75 * rest_);
+  const Felt after = listen(rest_);
   say("   residual at rest [N m]        " + in_a_row(after.residual) + (after.contact ? "  contact" : ""));
   summary["rest_after"] = {{"residual", to_json(after.residual)}, {"contact", after.contact}};
 
