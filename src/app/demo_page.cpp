@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <iomanip>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "base/page.hpp"
 #include "base/plot.hpp"
 #include "dynid/app/demo.hpp"
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace {
+
+using nlohmann::json;
 
 /// Measured and predicted torque of every joint; empty where there is no gnuplot.
 std::string plot(const DemoReport& report) {
@@ -34,50 +39,50 @@ std::string plot(const DemoReport& report) {
   return plot_svg(text.str(), "torques");
 }
 
+/// Four significant digits.
+std::string figure(double x) { return short_number(x, 4); }
+
+json row_view(const std::string& name, const Eigen::VectorXd& values) {
+  json row = {{"name", name}, {"values", json::array()}};
+  for (const double x : values) row["values"].push_back(figure(x));
+  return row;
+}
+
+json coefficients_view(const Identification& id, const Eigen::VectorXd& exact) {
+  json list = json::array();
+  for (std::size_t k = 0; k < id.coefficients.size(); ++k) {
+    const Coefficient& c = id.coefficients[k];
+    list.push_back(
+        {{"name", c.name + (c.kept ? "" : " (dropped)")},
+         {"value", figure(c.value)},
+         {"deviation", figure(std::abs(c.value) * c.std_percent / 100.0)},
+         {"exact", static_cast<int>(k) < id.base.size() ? figure(exact[static_cast<Eigen::Index>(k)]) : ""},
+         {"expression", c.expression}});
+  }
+  return list;
+}
+
 }  // namespace
 
 std::string DemoReport::html() const {
   const Identification& id = identification;
-  const std::string picture = plot(*this);
-  const Eigen::VectorXd exact = id.base.K * parameter_vector(truth, id.base);
-  std::ostringstream html;
-  html << std::setprecision(4) << R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>dynid demo</title><style>
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #1d2733; }
-h1 { font-size: 1.6em } h2 { font-size: 1.15em; margin-top: 2em }
-table { border-collapse: collapse } th, td { padding: .2em .8em; text-align: right; border-bottom: 1px solid #dde3ea }
-th { background: #f2f5f8 } td:first-child, th:first-child, td.left { text-align: left } svg { max-width: 100%; height: auto }
-.lead { font-size: 1.1em }
-</style></head><body><h1>A Panda, identified</h1><p class="lead">)"
-       << id.rank << " coefficients from 21 s of the letter's exciting motion; relative error of the torques "
-       << id.fit.relative_error_percent << " %, condition number " << id.condition_number
-       << ".</p>\n<p>The log is a simulated robot's with the published parameters (Gaz et al. 2019, Tables "
-          "VIII and IX, friction of "
-          "eq. (25)) and a robot's electronics. What the checks found in it:</p><ul>\n";
+  json view = {{"rank", id.rank},
+               {"relative_error", figure(id.fit.relative_error_percent)},
+               {"condition_number", figure(id.condition_number)},
+               {"cutoff", figure(id.cutoff)},
+               {"issues", json::array()},
+               {"joints", json::array()},
+               {"errors", json::array({row_view("fit", id.fit.rmse)})},
+               {"plots", json::array()}};
   for (const DataIssue& issue : id.logs[0].report.issues)
-    html << "<li><b>" << issue.name << "</b>: " << issue.text << "</li>\n";
-  html << "</ul><h2>Torque error by joint, low-passed at " << id.cutoff
-       << " Hz</h2><table><tr><th>rms [N m]</th>";
-  for (int j = 1; j <= truth.size(); ++j) html << "<th>" << j << "</th>";
-  html << "</tr><tr><td>fit</td>";
-  for (const double x : id.fit.rmse) html << "<td>" << x << "</td>";
-  if (id.validation) {
-    html << "</tr><tr><td>held out</td>";
-    for (const double x : id.validation->rmse) html << "<td>" << x << "</td>";
-  }
-  html << "</tr></table>\n";
-  if (!picture.empty()) html << "<h2>Torques</h2>\n" << picture;
-  html << "<h2>Coefficients</h2><table><tr><th>name</th><th>identified</th><th>std</th><th>true</"
-          "th><th>groups</th></tr>\n";
-  for (std::size_t k = 0; k < id.coefficients.size(); ++k) {
-    const Coefficient& c = id.coefficients[k];
-    html << "<tr><td>" << c.name << (c.kept ? "" : " (dropped)") << "</td><td>" << c.value << "</td><td>"
-         << std::abs(c.value) * c.std_percent / 100.0 << "</td><td>";
-    if (static_cast<int>(k) < id.base.size()) html << exact[static_cast<Eigen::Index>(k)];
-    html << "</td><td class=\"left\">" << c.expression << "</td></tr>\n";
-  }
-  html << "</table></body></html>\n";
-  return html.str();
+    view["issues"].push_back({{"name", issue.name}, {"text", issue.text}});
+  for (int j = 1; j <= truth.size(); ++j) view["joints"].push_back(j);
+  if (id.validation) view["errors"].push_back(row_view("held out", id.validation->rmse));
+  if (std::string svg = plot(*this); !svg.empty())
+    view["plots"].push_back({{"caption", "Measured, identified, and its friction"}, {"svg", std::move(svg)}});
+  view["any_plot"] = !view["plots"].empty();
+  view["coefficients"] = coefficients_view(id, id.base.K * parameter_vector(truth, id.base));
+  return rendered_page("demo", view);
 }
 
 }  // namespace dynid

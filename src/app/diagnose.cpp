@@ -6,10 +6,10 @@
 #include "app/check.hpp"
 #include "app/job.hpp"
 #include "dynid/app/option_error.hpp"
+#include "dynid/app/report.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/diagnosis/report.hpp"
 #include "dynid/identification/identify.hpp"
 
 namespace dynid {

@@ -2,9 +2,12 @@
 //
 // `dynid-diagnosis-1`: one function for each part of it.
 #include "app/serialise.hpp"
+#include "diagnosis/joint_shrink.hpp"
 
 namespace dynid {
 namespace {
+
+constexpr unsigned shrink_seed = 1;  // of the blocks drawn: the same for every report
 
 nlohmann::json values_json(const Eigen::VectorXd& x) {
   if (x.size() == 1) return x[0];
@@ -15,7 +18,8 @@ nlohmann::json estimate_json(const Estimate& p) {
   return {{"value", values_json(p.value)},
           {"low", values_json(p.low)},
           {"high", values_json(p.high)},
-          {"unit", p.unit}};
+          {"unit", p.unit},
+          {"per_joint", p.per_joint}};
 }
 
 nlohmann::json effect_json(const FoundEffect& found) {
@@ -79,6 +83,12 @@ nlohmann::json gap_json(const Diagnosis& d) {
 nlohmann::json data_json(const Diagnosis& d) {
   nlohmann::json data = to_json(d.logs);
   data["conventions"] = conventions_json(d.conventions);
+  data["logs"] = nlohmann::json::array();
+  for (const PreparedLog& log : d.logs)
+    data["logs"].push_back({{"log", log.source},
+                            {"samples", log.report.samples},
+                            {"rate_hz", log.report.rate_hz},
+                            {"duration_s", log.report.duration}});
   return data;
 }
 
@@ -95,6 +105,15 @@ nlohmann::json rollout_json(const Rollout& rollout) {
           {"after", to_json(rollout.after)}};
 }
 
+nlohmann::json joint_shrink_json(const Diagnosis& d) {
+  const detail::JointShrink s = detail::joint_shrink(d.series, d.floor, shrink_seed);
+  return {{"before", to_json(s.before)},
+          {"after", to_json(s.after)},
+          {"fraction", to_json(s.fraction)},
+          {"low", to_json(s.low)},
+          {"high", to_json(s.high)}};
+}
+
 nlohmann::json shrink_json(const Diagnosis& d) {
   return {{"before", to_json(d.shrink.before)},
           {"after", to_json(d.shrink.after)},
@@ -103,6 +122,7 @@ nlohmann::json shrink_json(const Diagnosis& d) {
           {"low", d.shrink.low},
           {"high", d.shrink.high},
           {"held_out", d.shrink.held_out},
+          {"joints", joint_shrink_json(d)},
           {"rollout", rollout_json(d.rollout)}};
 }
 

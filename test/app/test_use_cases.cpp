@@ -15,10 +15,10 @@
 #include "dynid/app/friction.hpp"
 #include "dynid/app/info.hpp"
 #include "dynid/app/option_error.hpp"
+#include "dynid/app/report.hpp"
 #include "dynid/app/reverse.hpp"
 #include "dynid/app/simulate.hpp"
 #include "dynid/app/torque.hpp"
-#include "dynid/diagnosis/report.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/retrieval/bounds.hpp"
 

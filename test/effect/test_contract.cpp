@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "contract.hpp"
+#include "dynid/app/report.hpp"
 #include "dynid/diagnosis/diagnose.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
-#include "dynid/diagnosis/report.hpp"
 #include "dynid/effect/enter.hpp"
 #include "dynid/estimation/torque_model.hpp"
 #include "dynid/model/export.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The report: every section is there whatever the verdict, it is well-formed, it needs nothing from anywhere,
 // and a browser shows it.
-#include "dynid/diagnosis/report.hpp"
+#include "dynid/app/report.hpp"
 
 #include <expat.h>
 #include <gtest/gtest.h>

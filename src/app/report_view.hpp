@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "dynid/app/report.hpp"
+
+namespace dynid::detail {
+
+// What the sections of the page show (src/app/page/), of `json`, a diagnosis as to_json() has it.
+
+/// The effects, their parameters and aliases: `effects`, `alias_note`, `nominal_error`.
+void add_effects_view(const nlohmann::json& json, nlohmann::json& view);
+/// The table of joints and regimes, and the windows: `joints`, `columns`, `regimes`, `windows`, `any_window`.
+void add_where_view(const nlohmann::json& json, nlohmann::json& view);
+
+/// The file's name without its folder.
+std::string file_name(const std::string& path);
+
+}  // namespace dynid::detail

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "dynid/app/report.hpp"
+#include "dynid/base/text.hpp"
+#include "report_words.hpp"
+
+namespace dynid {
+
+std::string verdict_sentence(const Diagnosis& d) {
+  std::vector<std::string> causes;
+  for (const FoundEffect& e : d.effects) {
+    const std::string where = detail::joints_in_words(e.effect.joints, d.rms.size());
+    std::string cause = with_spaces(e.effect.name);
+    const auto mass = std::find_if(e.parameters.begin(), e.parameters.end(),
+                                   [](const Estimate& p) { return p.key == "mass"; });
+    if (e.effect.name == "payload" && mass != e.parameters.end())
+      cause = "a payload of " + detail::page_number(mass->value[0]) + " kg";
+    else if (!where.empty())
+      cause += " on " + where;
+    if (!e.aliases.empty()) {
+      std::vector<std::string> others;
+      for (const std::string& a : e.aliases) others.push_back(with_spaces(a));
+      cause += " (or " + list_in_words(others) + ", which these logs cannot tell from it)";
+    }
+    causes.push_back(cause);
+  }
+  const std::string shrink = detail::page_percent(std::max(0.0, d.shrink.fraction));
+  const bool several = causes.size() > 1;
+  switch (d.verdict) {
+    case Verdict::no_gap:
+      return "No gap: the model's torques agree with the robot's to within the noise.";
+    case Verdict::not_detected:
+      return "No cause can be named: model and robot differ by no more than an inexact model may.";
+    case Verdict::explained:
+      return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") + " the gap: with " +
+             (several ? "them" : "it") + " in the model, " + shrink +
+             " of it goes away on data that took no part.";
+    case Verdict::partly_explained:
+      return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") +
+             " part of the gap: " + shrink +
+             " of it goes away on data that took no part; the rest is none of the known effects.";
+    case Verdict::unexplained:
+      return "There is a gap, and none of the known effects explains it.";
+    case Verdict::misread: {
+      std::vector<std::string> texts;
+      for (const Convention& c : d.conventions.conventions) texts.push_back(c.text);
+      return "The log does not mean what the model takes it to mean: " + join(texts, "; ") +
+             "; read it with --assume " + d.conventions.assume + ".";
+    }
+    case Verdict::data_invalid:
+      break;
+  }
+  return "These logs cannot be judged: see the data issues.";
+}
+
+}  // namespace dynid
