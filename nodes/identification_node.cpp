@@ -190,7 +190,9 @@ class IdentificationNode {
   std::mutex mutex_;  // of what follows
   std::atomic<State> state_{State::idle};
   std::unique_ptr<JointRecording> recording_;  // has a mutex of its own
-  std::string bag_;                            // what was recorded; empty: nothing
+  double told_duration_ = -1.0;                // [s] of the recording, as it was said last
+  std::size_t told_messages_ = 0;
+  std::string bag_;  // what was recorded; empty: nothing
   Trajectory motion_;
   ros::Time commanded_;  // stamp of the last state before the command
   bool identify_next_ = false, adopt_next_ = false, waiting_to_start_ = false;
@@ -508,9 +510,11 @@ void IdentificationNode::watch_recording() {
     return end_recording(trouble);
   }
   text << name(state_) << ": " << summary.messages << " messages, " << std::lround(summary.duration) << " s";
-  static double last = -1.0;  // once a second of it
-  if (std::abs(summary.duration - last) < 1.0 && summary.messages > 0) return;
-  last = summary.duration;
+  // Once a second of it, and where messages pause.
+  const bool paused = pose.age > 0.2 && summary.messages != told_messages_;
+  if (std::abs(summary.duration - told_duration_) < 1.0 && summary.messages > 0 && !paused) return;
+  told_duration_ = summary.duration;
+  told_messages_ = summary.messages;
   say(text.str());
 }
 

@@ -2,20 +2,16 @@
 #include "app/check.hpp"
 
 #include <cmath>
-#include <cstdio>
 
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace detail {
 namespace {
 
-std::string text_of(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
-}
+std::string text_of(double value) { return short_number(value, 9); }
 
 }  // namespace
 

@@ -3,17 +3,14 @@
 #include <ostream>
 
 #include "dynid/app/text.hpp"
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace {
 
 std::string in_a_list(const std::vector<double>& values) {
   std::string text;
-  for (const double x : values) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%g", x);
-    text += (text.empty() ? "" : ":") + std::string(number);
-  }
+  for (const double x : values) text += (text.empty() ? "" : ":") + short_number(x);
   return text;
 }
 

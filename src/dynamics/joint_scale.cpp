@@ -6,6 +6,7 @@
 #include <random>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
@@ -30,12 +31,6 @@ constexpr std::string JointUnits::*every_unit[] = {
     &JointUnits::position,     &JointUnits::velocity,    &JointUnits::acceleration, &JointUnits::torque,
     &JointUnits::torque_rate,  &JointUnits::stiffness,   &JointUnits::damping,      &JointUnits::inertia,
     &JointUnits::per_position, &JointUnits::per_velocity};
-
-double median(std::vector<double>& x) {
-  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 /// How far the arm reaches [m]: joints, last centre of mass, tip.
 double reach_of(const Robot& robot) {

@@ -183,8 +183,7 @@ class Fit {
   };
 
   /// Every cell of the grid over the nonlinear unknowns, the linear ones solved for.
-  std::vector<Cell> scanned() {
-    FrictionSamples bins = gathered(samples_);
+  std::vector<Cell> scanned(const FrictionSamples& bins) {
     std::vector<std::vector<double>> values;
     for (const Index k : nonlinear_) values.push_back(tried(k));
     std::vector<Cell> cells;
@@ -213,21 +212,31 @@ class Fit {
   }
 
   Point searched() {
-    std::vector<Cell> cells = scanned();
+    const FrictionSamples bins = gathered(samples_);
+    std::vector<Cell> cells = scanned(bins);
     const std::size_t best = std::min(cells_refined, cells.size());
     std::partial_sort(cells.begin(), cells.begin() + static_cast<std::ptrdiff_t>(best), cells.end(),
                       [](const Cell& a, const Cell& b) { return a.left < b.left; });
     Point lowest = point(samples_, none());
-    for (std::size_t k = 0; k < best; ++k) {
-      Point trial = refined(limited(cells[k].x));
+    if (samples_.filtered) {  // which is dear: the valley is found without the filter
+      Point valley;
+      for (std::size_t k = 0; k < best; ++k) {
+        Point trial = refined(bins, limited(cells[k].x));
+        if (k == 0 || trial.cost < valley.cost) valley = std::move(trial);
+      }
+      cells[0].x = valley.x;
+    }
+    const std::size_t starts = samples_.filtered ? 1 : best;
+    for (std::size_t k = 0; k < starts; ++k) {
+      Point trial = refined(samples_, limited(cells[k].x));
       if (trial.cost < lowest.cost) lowest = std::move(trial);
     }
     return lowest;
   }
 
   /// Levenberg-Marquardt.
-  Point refined(const VectorXd& start) {
-    Point now = point(samples_, start);
+  Point refined(const FrictionSamples& samples, const VectorXd& start) {
+    Point now = point(samples, start);
     ++evaluations_;
     double damping = 1e-3;
     int rejected = 0;
@@ -240,7 +249,7 @@ class Fit {
         H.diagonal() += damping * (JtJ.diagonal().array() + 1e-12 * JtJ.diagonal().maxCoeff()).matrix();
         const VectorXd step = H.ldlt().solve(Jte);
         if (step.allFinite()) {
-          Point trial = point(samples_, limited(now.x + step));
+          Point trial = point(samples, limited(now.x + step));
           ++evaluations_;
           if (trial.cost < now.cost) {
             accepted = (now.cost - trial.cost) / now.cost > 1e-13;

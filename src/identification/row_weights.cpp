@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "dynid/base/statistics.hpp"
+
 namespace dynid::detail {
 
 RowWeights all_rows(const std::vector<RegressionRows>& rows) {
@@ -50,9 +52,7 @@ RowWeights huber_weights(const RowWeights& weights, const std::vector<Eigen::Mat
     for (std::size_t l = 0; l < residuals.size(); ++l)
       for (Eigen::Index i = 0; i < residuals[l].rows(); ++i)
         if (weights[l](i, j) != 0.0) size.push_back(std::abs(residuals[l](i, j)));
-    const auto middle = size.begin() + static_cast<std::ptrdiff_t>(size.size() / 2);
-    std::nth_element(size.begin(), middle, size.end());
-    const double limit = 1.345 * 1.4826 * *middle;
+    const double limit = 1.345 * deviations_to_sigma * median(std::move(size));
     for (std::size_t l = 0; l < residuals.size(); ++l)
       for (Eigen::Index i = 0; i < residuals[l].rows(); ++i)
         if (std::abs(residuals[l](i, j)) > limit)

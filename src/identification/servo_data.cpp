@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
 #include "dynid/signal/filter.hpp"
@@ -19,20 +20,12 @@ double median_interval(const Eigen::VectorXd& t) {
   std::vector<double> steps;
   for (Eigen::Index i = 1; i < t.size(); ++i)
     if (t[i] > t[i - 1]) steps.push_back(t[i] - t[i - 1]);
-  if (steps.empty()) return 0.0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return median(std::move(steps));
 }
 
 double spread(const Eigen::Ref<const Eigen::VectorXd>& x) { return x.maxCoeff() - x.minCoeff(); }
 
-std::string number(double value) {
-  std::ostringstream text;
-  text.precision(3);
-  text << value;
-  return text.str();
-}
+std::string number(double value) { return short_number(value, 3); }
 
 /// A factor of 57.3, give or take what a servo that follows badly makes of it.
 bool is_degrees(double ratio) { return ratio > degrees / 2.0 && ratio < degrees * 2.0; }

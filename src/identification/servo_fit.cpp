@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynid/base/statistics.hpp"
 #include "dynid/identification/triangular_factor.hpp"
 #include "dynid/signal/filter.hpp"
 
@@ -12,12 +13,6 @@ namespace dynid::detail {
 namespace {
 
 constexpr double huber_constant = 1.345;  // 95 % efficiency on normal noise
-
-double median(std::vector<double> x) {
-  const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 /// Runs the open loop and calls visit(i, state) at every stamp from the second on.
 template <bool sensitive, class Visit>
@@ -189,7 +184,7 @@ double huber_width(const ServoProblem& problem, const ServoJoint& joint) {
     for (Eigen::Index i = 0; i < q.size(); ++i) r.push_back(std::abs(q[i] - s->q[i]));
     step = std::max(step, s->resolution);
   }
-  return std::max({huber_constant * 1.4826 * median(std::move(r)), step, 1e-12});
+  return std::max({huber_constant * deviations_to_sigma * median(std::move(r)), step, 1e-12});
 }
 
 ServoSolution fit_servo(const ServoProblem& problem, const ServoJoint& start, const Parameters& free,

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
 #include "dynid/identification/servo.hpp"
@@ -132,9 +133,7 @@ ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps) {
   for (Eigen::Index i = 1; i < log.t.size(); ++i)
     if (log.t[i] > log.t[i - 1]) steps.push_back(log.t[i] - log.t[i - 1]);
   if (steps.empty()) throw Error(log.source + ": column t: the stamps do not advance");
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const double interval = *middle;
+  const double interval = median(std::move(steps));
 
   CoupledServos servos(robot, log);
   ServoReplay out;

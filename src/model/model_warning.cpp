@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/model/model_warning.hpp"
+#include "dynid/base/number.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -23,11 +24,7 @@ std::string joints_text(const std::vector<int>& joints) {
   return text;
 }
 
-std::string rounded(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", x);
-  return text;
-}
+std::string rounded(double x) { return short_number(x, 3); }
 
 /// At most two digits that are not zero.
 bool is_round(double x) {

@@ -203,7 +203,7 @@ TEST_F(IdentificationNode, RecordsIdentifiesAndHandsOver) {
   EXPECT_FALSE(node.call("start"));  // busy
   EXPECT_FALSE(node.call("adopt"));
   publish(states, recorded, recorded.samples());
-  ros::WallDuration(0.3).sleep();
+  ASSERT_TRUE(node.said("recording: 5000 messages")) << node.lines();
   ASSERT_TRUE(node.call("stop")) << node.message();
   ASSERT_TRUE(node.said("recorded: 5000 messages")) << node.lines();
   ASSERT_TRUE(node.call("identify")) << node.message();
@@ -291,7 +291,7 @@ TEST_F(IdentificationNode, DropsWhatCannotBeUsedAndSaysSo) {
   bad.name = {"finger"};  // not the robot's: no harm
   states.publish(bad);
   states.publish(message(recorded, 503));
-  ros::WallDuration(0.3).sleep();
+  ASSERT_TRUE(node.said("recording: 501 messages")) << node.lines();
   ASSERT_TRUE(node.call("stop"));
   ASSERT_TRUE(node.said("recorded: 501 messages")) << node.lines();
   EXPECT_NE(node.lines().find("4 dropped, the first: effort of joint"), std::string::npos) << node.lines();
@@ -317,7 +317,7 @@ TEST_F(IdentificationNode, OutlivesAPublisherThatDies) {
     node.forget();
     ASSERT_TRUE(node.call("start"));
     publish(states, recorded, 300);
-    ros::WallDuration(0.3).sleep();
+    ASSERT_TRUE(node.said("recording: 300 messages")) << node.lines();
   }
   ASSERT_TRUE(node.said("failed: no message on /joint_states for 1 s; recorded until then: 300 messages"))
       << node.lines();
@@ -329,7 +329,7 @@ TEST_F(IdentificationNode, OutlivesAPublisherThatDies) {
   node.forget();
   ASSERT_TRUE(node.call("start"));
   publish(states, recorded, 200);
-  ros::WallDuration(0.3).sleep();
+  ASSERT_TRUE(node.said("recording: 200 messages")) << node.lines();
   ASSERT_TRUE(node.call("stop"));
   ASSERT_TRUE(node.said("recorded: 200 messages")) << node.lines();
 }
@@ -381,6 +381,10 @@ TEST_F(IdentificationNode, MovesTheRobotOnlyWithTheConfirmation) {
                ? Eigen::VectorXd()
                : Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(seen.position.data(), 7));
   };
+  const auto stamp = [&] {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return seen.header.stamp;
+  };
   ASSERT_TRUE(eventually([&] { return position().size() == 7; }));
   const Eigen::VectorXd pose = position();
   fs::create_directories(folder_);
@@ -391,8 +395,7 @@ TEST_F(IdentificationNode, MovesTheRobotOnlyWithTheConfirmation) {
   EXPECT_NE(node.message().find("/arm/identification/i_confirm_the_robot_may_move is not true"),
             std::string::npos)
       << node.message();
-  ros::WallDuration(0.5).sleep();
-  EXPECT_EQ(commands, 0);
+  EXPECT_EQ(commands, 0);  // one that comes late is counted below
   EXPECT_LT((position() - pose).cwiseAbs().maxCoeff(), 1e-3);
 
   node.set("i_confirm_the_robot_may_move", true);
@@ -409,16 +412,18 @@ TEST_F(IdentificationNode, MovesTheRobotOnlyWithTheConfirmation) {
   node.forget();
   ASSERT_TRUE(node.call("start")) << node.message();
   ASSERT_TRUE(node.said("moving: ")) << node.lines();
-  ros::WallDuration(1.5).sleep();
+  ASSERT_TRUE(eventually([&] { return position()[0] - pose[0] > 0.2; }));
   ASSERT_TRUE(node.call("stop")) << node.message();
   ASSERT_TRUE(eventually([&] {
     const std::lock_guard<std::mutex> lock(mutex);
     return commands == 3 && last.points.empty();
   }));
-  ros::WallDuration(1.0).sleep();
-  const Eigen::VectorXd rest = position();
-  ros::WallDuration(0.5).sleep();
-  EXPECT_LT((position() - rest).cwiseAbs().maxCoeff(), 2e-3);
+  Eigen::VectorXd rest = position();
+  ros::Time since = stamp();
+  EXPECT_TRUE(eventually([&] {  // half a second of its own clock within 2 mrad
+    if ((position() - rest).cwiseAbs().maxCoeff() >= 2e-3) rest = position(), since = stamp();
+    return (stamp() - since).toSec() > 0.5;
+  }));
 
   // A motion beyond the limits is not sent.
   write_trajectory(path("motion.csv"), motion(Eigen::VectorXd::Constant(7, 3.0), 3.0));
