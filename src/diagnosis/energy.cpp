@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "alike.hpp"
 #include "split.hpp"
 
 namespace dynid::detail {
@@ -41,7 +42,7 @@ bool worse(const GapRows& rows, const Eigen::MatrixXd& before, const Eigen::Matr
 
 Eigen::VectorXd carried_load(const GapRows& rows, const Criteria& criteria) {
   const Eigen::VectorXd load = rms(rows.load);
-  return load.cwiseMax(criteria.least_load * load.maxCoeff());
+  return load.cwiseMax(criteria.least_load * largest_alike(rows.motions().front().robot(), load));
 }
 
 bool left_over(const GapRows& rows, const Eigen::MatrixXd& residual, double tolerance,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alike.hpp"
 #include "dynid/friction/friction.hpp"
 
 namespace dynid::detail {
@@ -12,7 +13,7 @@ namespace {
 
 constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a stretch
 constexpr Eigen::Index directions = 24;  // of the nuisance, at most
-constexpr double least_floor = 1e-4;     // of the largest load
+constexpr double least_floor = 1e-4;     // of the largest load of a joint of its type
 constexpr double usual_lateness = 1e-3;  // [s] of stamps
 
 /// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have
@@ -132,7 +133,7 @@ void GapRows::find_white_floor() {
   white_floor = (white_floor / std::max(1.0, samples)).cwiseSqrt();
   // Interpolation and filters are no better than this, however clean the log.
   const Eigen::VectorXd size = (load.colwise().squaredNorm() / double(load.rows())).cwiseSqrt().transpose();
-  white_floor = white_floor.cwiseMax(least_floor * size.maxCoeff());
+  white_floor = white_floor.cwiseMax(least_floor * largest_alike(motions_->front().robot(), size));
 }
 
 GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
