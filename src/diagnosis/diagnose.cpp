@@ -202,6 +202,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.explained = judged.explained;
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;
+  out.considered = judged.considered;
   // Where a joint sticks is a place of the gap too.
   const GapRows shown(everything, choice->split.to_fit);
   out.where = locate(shown, out.floor, surrogates(shown, shown.y, options.surrogates, options.seed));

@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <utility>
 
+#include "dynid/base/statistics.hpp"
 #include "energy.hpp"
 #include "fit.hpp"
 
 namespace dynid::detail {
 namespace {
 
-constexpr Eigen::Index guard = 4;  // rows: what the filter spreads
+constexpr Eigen::Index guard = 4;                        // rows: what the filter spreads
+constexpr double block_rows = 24.0, within_rows = 10.0;  // at least
 
 /// There is a gap in the rows, beyond what an inexact nominal leaves.
 bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double tolerance,
@@ -19,7 +21,18 @@ bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double to
   return left_over(rows, fit_terms(rows, rows.y, {}, tolerance).residual, tolerance, criteria);
 }
 
+/// [s] between the rows, as most are.
+double spacing(const GapRows& rows) {
+  std::vector<double> steps;
+  for (Eigen::Index i = 1; i < rows.size(); ++i)
+    if (rows.t[i] > rows.t[i - 1]) steps.push_back(rows.t[i] - rows.t[i - 1]);
+  return steps.empty() ? 0.0 : median(steps);
+}
+
 }  // namespace
+
+double block_length(const GapRows& rows) { return std::max(block_seconds, block_rows * spacing(rows)); }
+double within_length(const GapRows& rows) { return std::max(within_seconds, within_rows * spacing(rows)); }
 
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard) {
   std::vector<bool> keep(static_cast<std::size_t>(rows.size()));
@@ -38,8 +51,9 @@ Split split(const GapRows& rows, int logs, double tolerance, const Criteria& cri
   Split out;
   out.several = logs > 1;
   if (!out.several) {
-    out.to_fit = alternate(rows, false, block_seconds, guard);
-    out.to_judge = alternate(rows, true, block_seconds, guard);
+    const double block = block_length(rows);
+    out.to_fit = alternate(rows, false, block, guard);
+    out.to_judge = alternate(rows, true, block, guard);
     return out;
   }
   out.to_fit.resize(static_cast<std::size_t>(rows.size()));

@@ -7,6 +7,12 @@
 #include <unsupported/Eigen/FFT>
 
 namespace dynid::detail {
+namespace {
+
+// Rows: fewer have no spectrum to speak of, only a sign.
+constexpr Eigen::Index shortest = 4;
+
+}  // namespace
 
 std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::MatrixXd& gap, int count,
                                         unsigned seed) {
@@ -19,6 +25,11 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
   Eigen::FFT<double> fft;
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
     const Eigen::Index first = rows.parts[p], size = rows.parts[p + 1] - first;
+    if (size < shortest) {
+      for (Eigen::MatrixXd& surrogate : out)
+        surrogate.middleRows(first, size) = (random() % 2 == 0 ? 1.0 : -1.0) * gap.middleRows(first, size);
+      continue;
+    }
     std::vector<std::vector<Complex>> spectra(static_cast<std::size_t>(gap.cols()));
     for (Eigen::Index j = 0; j < gap.cols(); ++j) {
       const Eigen::VectorXd x = gap.col(j).segment(first, size);

@@ -58,19 +58,8 @@ struct Criteria {
 
   // ------------------------------------------------------------------------------------- is it the whole
   // story
-  /// Part of the gap that one, two, more effects have to explain: several together can imitate much.
-  double least_of_one = 0.65, least_of_two = 0.9, least_of_more = 0.95;
-  /// By one effect, when it is what is left of several.
-  double least_of_fewer = 0.75;
   /// What is left does not matter where this part is explained.
   double fully_explained = 0.9;
-  /// Part that effects of exact forms may leave, and how many times the noise of most joints on one of
-  /// theirs.
-  double left_by_exact = 0.03, most_of_exact = 2.5;
-
-  double least_explained(int effects) const {
-    return effects < 2 ? least_of_one : effects == 2 ? least_of_two : least_of_more;
-  }
 };
 
 }  // namespace dynid
