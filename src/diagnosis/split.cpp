@@ -29,6 +29,22 @@ double spacing(const GapRows& rows) {
   return steps.empty() ? 0.0 : median(steps);
 }
 
+/// All but the last log to fit, the last to judge.
+void by_log(const GapRows& rows, int logs, Split& out) {
+  out.to_fit.resize(static_cast<std::size_t>(rows.size()));
+  out.to_judge = out.to_fit;
+  for (std::size_t i = 0; i < out.to_fit.size(); ++i) {
+    out.to_judge[i] = rows.log[i] + 1 == logs;
+    out.to_fit[i] = !out.to_judge[i];
+  }
+}
+
+void by_blocks(const GapRows& rows, Split& out) {
+  const double block = block_length(rows);
+  out.to_fit = alternate(rows, false, block, guard);
+  out.to_judge = alternate(rows, true, block, guard);
+}
+
 }  // namespace
 
 double block_length(const GapRows& rows) { return std::max(block_seconds, block_rows * spacing(rows)); }
@@ -51,21 +67,29 @@ Split split(const GapRows& rows, int logs, double tolerance, const Criteria& cri
   Split out;
   out.several = logs > 1;
   if (!out.several) {
-    const double block = block_length(rows);
-    out.to_fit = alternate(rows, false, block, guard);
-    out.to_judge = alternate(rows, true, block, guard);
+    by_blocks(rows, out);
     return out;
   }
-  out.to_fit.resize(static_cast<std::size_t>(rows.size()));
-  out.to_judge = out.to_fit;
-  for (std::size_t i = 0; i < out.to_fit.size(); ++i) {
-    out.to_judge[i] = rows.log[i] + 1 == logs;
-    out.to_fit[i] = !out.to_judge[i];
-  }
+  by_log(rows, logs, out);
   const bool in_first = has_gap(rows, out.to_fit, tolerance, criteria),
              in_last = has_gap(rows, out.to_judge, tolerance, criteria);
   out.alone = in_first != in_last;
   if (in_last && !in_first) std::swap(out.to_fit, out.to_judge);
+  return out;
+}
+
+Split over_all(const GapRows& rows, int logs, const GapRows& windows, const Split& of_windows) {
+  Split out = of_windows;
+  if (!out.several) {
+    by_blocks(rows, out);
+    return out;
+  }
+  by_log(rows, logs, out);
+  for (std::size_t i = 0; i < of_windows.to_judge.size(); ++i) {
+    if (!of_windows.to_judge[i]) continue;
+    if (windows.log[i] + 1 != logs) std::swap(out.to_fit, out.to_judge);
+    break;
+  }
   return out;
 }
 

@@ -30,5 +30,7 @@ struct Split {
 };
 /// `logs`: their number; `tolerance`: relative error of the nominal parameters that is no gap.
 Split split(const GapRows& rows, int logs, double tolerance, const Criteria& criteria);
+/// The split of windows, over all rows that they are of.
+Split over_all(const GapRows& rows, int logs, const GapRows& windows, const Split& of_windows);
 
 }  // namespace dynid::detail

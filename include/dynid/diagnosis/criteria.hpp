@@ -56,6 +56,21 @@ struct Criteria {
   /// Log evidence within which two effects are not told apart: e^-4 to one is one in fifty.
   double indistinct = 4.0;
 
+  // ----------------------------------------------------------------------------------------- long logs
+  /// Rows that effects are sought in, of all logs together: where the logs have more, a spread of windows is
+  /// searched, and what is found there is fitted and judged on all rows. What 3200 rows (two logs of a
+  /// minute) do not tell apart, more of the same motion seldom does.
+  int searched_rows = 3200;
+  /// Rows of a window of the spread: ten times what the filter takes of its ends together, so that little is
+  /// lost to them.
+  int window_rows = 200;
+  /// Part of the windows that are those with the largest gap, for what passes; the others cover what the
+  /// joints do, and the time.
+  double loud_windows = 0.25;
+  /// An effect's shape is refined between the points of its grid where the best of them brings this part of
+  /// the log evidence that the effect has to bring.
+  double worth_refining = 0.25;
+
   // ------------------------------------------------------------------------------------- is it the whole
   // story
   /// What is left does not matter where this part is explained.
