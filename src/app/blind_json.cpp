@@ -13,16 +13,28 @@ nlohmann::json found_json(const FoundEffect& e) {
           {"intervals", intervals}, {"probability", e.probability}, {"aliases", e.aliases}};
 }
 
+nlohmann::json considered_json(const ConsideredEffect& e) {
+  nlohmann::json grounds;
+  for (std::size_t k = 0; k < ground_count; ++k) grounds[ground_names[k]] = e.grounds.value[k];
+  return {{"name", e.name},
+          {"joints", e.joints},
+          {"share", e.share},
+          {"probability", e.probability},
+          {"grounds", grounds}};
+}
+
 nlohmann::json case_json(const BlindCase& c) {
   nlohmann::json truth = nlohmann::json::array(), found = nlohmann::json::array();
   for (const Effect& e : c.truth)
     truth.push_back({{"name", e.name}, {"joints", e.joints}, {"parameters", e.parameters}});
   for (const FoundEffect& e : c.found) found.push_back(found_json(e));
-  return {{"truth", truth},          {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
-          {"found", found},          {"p_value", c.p_value},         {"explained", c.explained},
-          {"shrink", c.shrink},      {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
-          {"seconds", c.seconds},    {"failure", c.failure},         {"drawn", c.drawn},
-          {"shares", c.truth_shares}};
+  nlohmann::json considered = nlohmann::json::array();
+  for (const ConsideredEffect& e : c.considered) considered.push_back(considered_json(e));
+  return {{"truth", truth},           {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
+          {"found", found},           {"p_value", c.p_value},         {"explained", c.explained},
+          {"shrink", c.shrink},       {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
+          {"seconds", c.seconds},     {"failure", c.failure},         {"drawn", c.drawn},
+          {"shares", c.truth_shares}, {"considered", considered},     {"background", c.background}};
 }
 
 }  // namespace

@@ -49,13 +49,13 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
   DiagnoseOptions options = job.options;
   for (const std::string& name : job.withhold)
     if (!take_out(name, report.nominal)) options.withhold.push_back(name);
-  std::vector<Log> logs = job.logs;
+  std::vector<Log> assumed_logs;  // a log of hours is not to stand in memory twice where it is read as it is
   std::optional<Log> reference = job.reference;
   options.reading = job.assume.empty() ? Reading::ask : Reading::apply;
   if (!job.assume.empty() && job.assume != "auto") {
     const Assumptions assumed = detail::assumptions(job.assume, report.nominal.size());
     report.nominal = apply_conventions(assumed, report.nominal);
-    for (Log& log : logs) log = apply_conventions(assumed, report.nominal, std::move(log));
+    for (const Log& log : job.logs) assumed_logs.push_back(apply_conventions(assumed, report.nominal, log));
     if (reference) reference = apply_conventions(assumed, report.nominal, *std::move(reference));
     options.reading = Reading::trust;
   }
@@ -80,7 +80,7 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
   const Context search = context.part(start, 1.0);
   detail::JobProgress progress(search);
   options.progress = std::ref(progress);
-  report.diagnosis = diagnose(report.nominal, logs, options);
+  report.diagnosis = diagnose(report.nominal, assumed_logs.empty() ? job.logs : assumed_logs, options);
   context.check();
   return report;
 }

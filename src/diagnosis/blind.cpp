@@ -398,6 +398,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       here.p_value = d.p_value;
       here.explained = d.explained;
       here.found = d.effects;
+      here.considered = d.considered;
       for (const RankedEffect& r : d.ranking) here.ranking.emplace_back(r.name, r.probability);
       here.shrink = d.shrink.fraction;
       here.nominal_error = d.nominal_error;

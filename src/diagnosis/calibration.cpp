@@ -62,17 +62,58 @@ double left_out_coverage(const std::vector<Error90>& errors, const Calibration& 
   return all > 0 ? double(covered) / all : 1.0;
 }
 
-/// One case's first effect: was it right, and what the ranking and the rest of the gap say of it.
-struct Named {
-  bool right = false;
-  double unexplained = 0.0;
-  std::vector<double> behind;  // of the others: score less that of the first
+/// An effect that was weighed: its grounds, and whether it was there.
+struct Weighed {
+  Grounds grounds;
+  bool right;
 };
 
-double probability(const Named& n, double temperature, double doubt, double doubt_of_rest) {
-  double sum = 1.0;
-  for (const double score : n.behind) sum += std::exp(score / temperature);
-  return (1.0 - std::min(0.99, doubt + doubt_of_rest * n.unexplained)) / sum;
+/// Every effect weighed in the bank, but those that may be there or not.
+std::vector<Weighed> weighed(const std::vector<BlindCase>& cases) {
+  std::vector<Weighed> out;
+  for (const BlindCase& c : cases) {
+    if (!c.failure.empty()) continue;
+    for (const ConsideredEffect& e : c.considered) {
+      if (std::find(c.background.begin(), c.background.end(), e.name) != c.background.end()) continue;
+      out.push_back({e.grounds, std::any_of(c.truth.begin(), c.truth.end(),
+                                            [&](const Effect& t) { return t.name == e.name; })});
+    }
+  }
+  return out;
+}
+
+/// Logistic regression by Newton steps, the weight of 1 free, the others with a normal prior of one on
+/// grounds of unit spread.
+void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
+  constexpr int steps = 30, size = static_cast<int>(ground_count) + 1;
+  const auto rows = static_cast<Eigen::Index>(all.size());
+  Eigen::MatrixXd X(rows, size);
+  Eigen::VectorXd right(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Weighed& w = all[static_cast<std::size_t>(i)];
+    X.row(i).head(size - 1) =
+        Eigen::Map<const Eigen::RowVectorXd>(w.grounds.value.data(), static_cast<Eigen::Index>(ground_count));
+    X(i, size - 1) = 1.0;
+    right[i] = w.right ? 1.0 : 0.0;
+  }
+  const Eigen::RowVectorXd mean = X.colwise().mean();
+  Eigen::VectorXd spread =
+      ((X.rowwise() - mean).colwise().squaredNorm() / double(rows)).cwiseSqrt().cwiseMax(1e-6).transpose();
+  for (int k = 0; k + 1 < size; ++k) X.col(k) = (X.col(k).array() - mean[k]) / spread[k];
+  Eigen::VectorXd prior = Eigen::VectorXd::Ones(size), w = Eigen::VectorXd::Zero(size);
+  prior[size - 1] = 1e-3;
+  for (int k = 0; k < steps; ++k) {
+    const Eigen::VectorXd p = (1.0 + (-(X * w).array()).exp()).inverse();
+    const Eigen::VectorXd slope = X.transpose() * (right - p) - prior.cwiseProduct(w);
+    Eigen::MatrixXd H = X.transpose() * (p.array() * (1.0 - p.array())).matrix().asDiagonal() * X;
+    H.diagonal() += prior;
+    w += H.ldlt().solve(slope);
+  }
+  c.weight_of_one = w[size - 1];
+  for (int k = 0; k + 1 < size; ++k) {
+    c.weights.value[static_cast<std::size_t>(k)] = w[k] / spread[k];
+    c.weight_of_one -= w[k] * mean[k] / spread[k];
+  }
 }
 
 }  // namespace
@@ -82,12 +123,14 @@ const Calibration& calibration() {
     const detail::YamlItem file =
         detail::YamlItem::document(detail::calibration_in_use, "config/diagnosis_calibration.yaml",
                                    "dynid-calibration-1", "a calibration");
-    file.expect_keys({"format", "temperature", "doubt", "doubt_of_rest", "interval_factor",
+    file.expect_keys({"format", "temperature", "weight_of_one", "weights", "interval_factor",
                       "interval_factor_off", "form_error", "form_errors"});
     Calibration c;
     c.temperature = file.at("temperature").positive_number();
-    c.doubt = file.at("doubt").number();
-    c.doubt_of_rest = file.at("doubt_of_rest").number();
+    c.weight_of_one = file.at("weight_of_one").number();
+    const detail::YamlItem weights = file.at("weights");
+    weights.expect_keys({ground_names.begin(), ground_names.end()});
+    for (std::size_t k = 0; k < ground_count; ++k) c.weights.value[k] = weights.at(ground_names[k]).number();
     c.interval_factor = file.at("interval_factor").positive_number();
     c.interval_factor_off = file.at("interval_factor_off").positive_number();
     c.form_error = file.at("form_error").number();
@@ -98,22 +141,19 @@ const Calibration& calibration() {
   return inside;
 }
 
+double Calibration::probability(const Grounds& grounds) const {
+  double sum = weight_of_one;
+  for (std::size_t k = 0; k < ground_count; ++k) sum += weights.value[k] * grounds.value[k];
+  return 1.0 / (1.0 + std::exp(-sum));
+}
+
 Calibration fit_calibration(const std::vector<BlindCase>& cases) {
   const Calibration& old = calibration();
-  std::vector<Named> named;
   std::vector<Error90> errors;
+  std::size_t named = 0;
   for (const BlindCase& c : cases) {
     if (!c.failure.empty() || c.found.empty() || c.truth.empty()) continue;
-    Named n;
-    n.right = std::any_of(c.truth.begin(), c.truth.end(),
-                          [&](const Effect& e) { return e.name == c.found.front().effect.name; });
-    n.unexplained = 1.0 - c.explained;
-    const auto first = std::find_if(c.ranking.begin(), c.ranking.end(),
-                                    [&](const auto& r) { return r.first == c.found.front().effect.name; });
-    for (auto r = c.ranking.begin(); first != c.ranking.end() && r != c.ranking.end(); ++r)
-      if (r != first && r->second > 0.0)
-        n.behind.push_back(old.temperature * std::log(r->second / first->second));
-    named.push_back(std::move(n));
+    ++named;
     const std::vector<ComparedInterval> intervals = compared_intervals(c);
     for (const ComparedInterval& i : intervals) {
       if (i.scale == 0.0) continue;  // of no size: nothing to be relative to
@@ -127,31 +167,15 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
       const double plain = std::sqrt(std::max(0.0, half * half - form * form));
       errors.push_back({effect + "." + i.parameter, off, std::abs(i.truth - i.value),
                         plain / (off ? old.interval_factor_off : old.interval_factor), i.scale,
-                        1.0 / double(alike), named.size()});
+                        1.0 / double(alike), named});
     }
   }
-  if (named.size() < least_cases)
-    throw Error("calibration: " + std::to_string(named.size()) + " cases with an effect named, " +
+  const std::vector<Weighed> all_weighed = weighed(cases);
+  if (all_weighed.size() < least_cases)
+    throw Error("calibration: " + std::to_string(all_weighed.size()) + " effects were weighed, " +
                 std::to_string(least_cases) + " are needed");
   Calibration best = old;
-  double most = -1e300;
-  for (double temperature = 1.0; temperature <= 16.0; temperature *= std::sqrt(2.0)) {
-    for (const double doubt : {0.002, 0.005, 0.01, 0.02, 0.04}) {
-      for (const double rest : {0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0}) {
-        double likelihood = 0.0;
-        for (const Named& n : named) {
-          const double p = std::clamp(probability(n, temperature, doubt, rest), 1e-6, 1.0 - 1e-6);
-          likelihood += std::log(n.right ? p : 1.0 - p);
-        }
-        if (likelihood > most) {
-          most = likelihood;
-          best.temperature = temperature;
-          best.doubt = doubt;
-          best.doubt_of_rest = rest;
-        }
-      }
-    }
-  }
+  fit_weights(all_weighed, best);
   // The least factors, not below 1, with which nine in ten hold; what each does to the other is little.
   best.interval_factor = best.interval_factor_off = 1.0;
   for (int turn = 0; turn < 2; ++turn) {
@@ -176,8 +200,10 @@ std::string calibration_yaml(const Calibration& c, const std::string& command) {
          "docs/diagnosis.md.\n"
       << "# Made by: " << command << "\n"
       << "format: dynid-calibration-1\n"
-      << "temperature: " << c.temperature << "\ndoubt: " << c.doubt << "\ndoubt_of_rest: " << c.doubt_of_rest
-      << "\ninterval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
+      << "temperature: " << c.temperature << "\nweight_of_one: " << c.weight_of_one << "\nweights:\n";
+  for (std::size_t k = 0; k < ground_count; ++k)
+    out << "  " << ground_names[k] << ": " << c.weights.value[k] << "\n";
+  out << "interval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
       << "\nform_error: " << c.form_error << "\nform_errors:\n";
   for (const auto& [parameter, error] : c.form_errors) out << "  " << parameter << ": " << error << "\n";
   return out.str();

@@ -21,6 +21,7 @@
 #include "rollout.hpp"
 #include "select.hpp"
 #include "series.hpp"
+#include "spread.hpp"
 #include "surrogates.hpp"
 #include "unusable.hpp"
 #include "where.hpp"
@@ -154,15 +155,18 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   for (const Log& log : logs) out.logs.push_back(prepare(log, band));
 
   say("nominal model", 0.05);
+  const std::vector<DataIssue> invalid = unusable(logs, out.logs);
   GapRows everything(nominal, out.logs);
-  const Split parts = split(everything, static_cast<int>(logs.size()), options.tolerance, options.criteria);
+  const int count = static_cast<int>(logs.size());
+  const bool longer = everything.size() > options.criteria.searched_rows;
+  // Effects are sought in a spread of windows, and judged on all rows.
+  GapRows spread = longer ? GapRows(everything, spread_windows(everything, options.criteria)) : everything;
+  const Split parts = split(spread, count, options.tolerance, options.criteria);
   out.rms = rms(everything.y);
   out.floor = everything.white_floor;
   for (const Joint& joint : nominal.joints) out.unit.push_back(joint_units(joint.type).torque);
-  const std::vector<DataIssue> invalid = unusable(logs, out.logs);
-  for (PreparedLog& log : out.logs) log.segments.clear();
   if (!out.conventions.conventions.empty()) {
-    refuse(everything, parts.to_judge, Verdict::misread, out);
+    refuse(everything, over_all(everything, count, spread, parts).to_judge, Verdict::misread, out);
     judge_reading(out.conventions, out);
     out.seconds = seconds();
     return out;
@@ -170,16 +174,24 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   if (!invalid.empty()) {
     std::vector<DataIssue>& issues = out.logs.front().report.issues;
     issues.insert(issues.begin(), invalid.begin(), invalid.end());
-    refuse(everything, parts.to_judge, Verdict::data_invalid, out);
+    refuse(everything, over_all(everything, count, spread, parts).to_judge, Verdict::data_invalid, out);
     out.next.text = "Record again: " + invalid.front().text + ".";
     out.seconds = seconds();
     return out;
   }
 
   const std::vector<const Hypothesis*> library = library_of(options);
-  GapRows moving = everything.moving(options.criteria.at_rest);
+  GapRows moving = spread.moving(options.criteria.at_rest);
   const std::unique_ptr<Choice> choice = select(moving, parts, library, options, say);
   everything = everything.late(moving.lateness());
+  std::unique_ptr<Choice> over_all_rows;
+  if (longer) {
+    moving = everything.moving(options.criteria.at_rest);
+    everything.nuisance.clear();  // a copy is enough
+    over_all_rows =
+        std::make_unique<Choice>(moving, over_all(everything, count, spread, choice->split), *choice);
+  }
+  const Choice& judged_on = longer ? *over_all_rows : *choice;
   const GapRows& rows = choice->rows;
   const GapModel none = choice->search.none(choice->model.kappa);
   out.nominal_error = choice->model.kappa;
@@ -198,12 +210,13 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.tolerance = size.tolerance;
 
   say("alternatives", 0.8);
-  const Judged judged = judge(*choice, out.floor, size, out.structure_p_value, options);
+  const Judged judged = judge(judged_on, out.floor, size, out.structure_p_value, options);
   out.explained = judged.explained;
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;
+  out.considered = judged.considered;
   // Where a joint sticks is a place of the gap too.
-  const GapRows shown(everything, choice->split.to_fit);
+  const GapRows shown(spread, choice->split.to_fit);
   out.where = locate(shown, out.floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
@@ -211,13 +224,13 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.ranking = judged.ranked.ranking;
   out.shrink = judged.shrink;
   say("intervals", 0.95);
-  if (adopts(out.verdict)) out.effects = named(nominal, moving, *choice, judged, options.seed);
+  if (adopts(out.verdict)) out.effects = named(nominal, moving, judged_on, judged, options.seed);
   std::vector<std::string> names;
   for (const Log& log : logs) names.push_back(log.source);
-  put_series(nominal, everything, *choice, judged, names, out);
+  put_series(nominal, everything, judged_on, judged, names, out);
   if (options.replay) {
     say("replaying the motion", 0.97);
-    out.rollout = roll_out(nominal, out.effects, everything, choice->split.to_judge);
+    out.rollout = roll_out(nominal, out.effects, everything, judged_on.split.to_judge);
     out.next = next_experiment(nominal, out);
   }
   out.seconds = seconds();

@@ -27,11 +27,11 @@ double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& aft
 
 bool worse(const GapRows& rows, const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
            const Eigen::VectorXd& floor) {
-  const double noise = double(floor.size());
+  const double noise = double(floor.size()), length = block_length(rows);
   double sum = 0.0;
   for (Eigen::Index from = 0, to = 0; from < rows.size(); from = to) {
     const auto block = [&](Eigen::Index i) {
-      return std::pair{rows.log[static_cast<std::size_t>(i)], std::floor(rows.t[i] / block_seconds)};
+      return std::pair{rows.log[static_cast<std::size_t>(i)], std::floor(rows.t[i] / length)};
     };
     while (to < rows.size() && block(to) == block(from)) ++to;
     sum += std::log((energy(after.middleRows(from, to - from), floor) + noise) /

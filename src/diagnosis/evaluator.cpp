@@ -14,6 +14,26 @@ Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right
   return both;
 }
 
+std::shared_ptr<const RowBlock> BlockMemo::of(const GapRows& rows, const Hypothesis& h, int unit,
+                                              const Eigen::VectorXd& shape) {
+  constexpr Eigen::Index most_numbers = 8'000'000;  // 64 MB
+  Key key(&h, unit, std::vector<double>(shape.data(), shape.data() + shape.size()));
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (const auto found = made_.find(key); found != made_.end()) return found->second;
+  }
+  auto block = std::make_shared<const RowBlock>(rows.block(h, unit, shape));
+  Eigen::Index numbers = 0;
+  for (const Eigen::MatrixXd& values : block->values) numbers += values.size();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (numbers_ + numbers > most_numbers) {
+    made_.clear();
+    numbers_ = 0;
+  }
+  if (made_.emplace(std::move(key), block).second) numbers_ += numbers;
+  return block;
+}
+
 double Evaluator::cost(const Adopted& effect) const {
   double cost = -criteria.prior_weight * std::log(effect.h->prior());
   for (const UnitShape& unit : effect.units) cost += price(*effect.h, unit);
@@ -52,7 +72,13 @@ GapModel Evaluator::evaluate(std::vector<Adopted> effects, double kappa) const {
 }
 
 UnitShape Evaluator::made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
-  return {unit, shape, std::make_shared<RowBlock>(rows.block(h, unit, shape))};
+  return {unit, shape, memo_->of(rows, h, unit, shape)};
+}
+
+std::vector<Adopted> Evaluator::here(std::vector<Adopted> effects) const {
+  for (Adopted& e : effects)
+    for (UnitShape& u : e.units) u = made(*e.h, u.unit, u.shape);
+  return effects;
 }
 
 Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own) const {

@@ -2,6 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <tuple>
 #include <vector>
 
 #include "dynid/diagnosis/criteria.hpp"
@@ -27,10 +32,25 @@ struct Base {
 
 Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right);
 
+/// Columns once made, by effect, unit and shape: every step of a search asks for the same ones again. What is
+/// found in it is what would be made anew, so neither its limit nor the order of threads changes a result.
+class BlockMemo {
+ public:
+  std::shared_ptr<const RowBlock> of(const GapRows& rows, const Hypothesis& h, int unit,
+                                     const Eigen::VectorXd& shape);
+
+ private:
+  using Key = std::tuple<const Hypothesis*, int, std::vector<double>>;
+  std::mutex mutex_;
+  std::map<Key, std::shared_ptr<const RowBlock>> made_;
+  Eigen::Index numbers_ = 0;  // that they hold
+};
+
 /// Scores sets of effects on the rows of a gap. Holds references: both are to outlive it.
 class Evaluator {
  public:
-  Evaluator(const GapRows& of_rows, const Criteria& of_criteria) : rows(of_rows), criteria(of_criteria) {}
+  Evaluator(const GapRows& of_rows, const Criteria& of_criteria)
+      : rows(of_rows), criteria(of_criteria), memo_(std::make_unique<BlockMemo>()) {}
 
   /// What an effect costs of the score: each coefficient and each shape parameter by Schwarz, the choice of
   /// joints by its number of outcomes, and its prior.
@@ -40,6 +60,8 @@ class Evaluator {
   /// A set fitted.
   GapModel evaluate(std::vector<Adopted> effects, double kappa) const;
   UnitShape made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+  /// The same effects, shapes and joints over these rows, whichever they were found in.
+  std::vector<Adopted> here(std::vector<Adopted> effects) const;
 
   Base base_of(const GapModel& model) const;
   /// `keep_own`: the joint's own effects stay, to be fitted anew; else they are taken out.
@@ -59,6 +81,9 @@ class Evaluator {
 
   const GapRows& rows;
   const Criteria& criteria;
+
+ private:
+  std::unique_ptr<BlockMemo> memo_;
 };
 
 }  // namespace dynid::detail

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/gap_motion.hpp"
 
+#include <algorithm>
+#include <utility>
+
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/dynamics/regressor.hpp"
@@ -10,15 +13,15 @@
 
 namespace dynid {
 
-GapMotion::GapMotion(const Robot& nominal_robot, const Segment& segment, double log_start)
+GapMotion::GapMotion(const Robot& nominal_robot, Segment segment, double log_start)
     : rate(segment.rate),
       start(log_start),
       t(segment.t.array() - log_start),
-      q(segment.q),
-      dq(segment.dq),
-      ddq(segment.ddq),
-      speed(segment.speed.size() > 0 ? segment.speed : segment.dq),
-      tau(segment.tau),
+      q(std::move(segment.q)),
+      dq(std::move(segment.dq)),
+      ddq(std::move(segment.ddq)),
+      speed(segment.speed.size() > 0 ? std::move(segment.speed) : dq),
+      tau(std::move(segment.tau)),
       robot_(nominal_robot),
       model_(nominal_robot) {
   const int n = robot_.size();
@@ -26,26 +29,67 @@ GapMotion::GapMotion(const Robot& nominal_robot, const Segment& segment, double 
   Workspace<> ws(model_);
   nominal.resize(N, n);
   rigid.resize(N, n);
-  regressor_.assign(static_cast<std::size_t>(n), Eigen::MatrixXd(N, 10 * n));
-  Eigen::MatrixXd Y(n, 10 * n);
+  worked = Eigen::VectorXd::Zero(n);
   Eigen::VectorXd qi(n), vi(n), ai(n), torque(n);
   for (Eigen::Index i = 0; i < N; ++i) {
     qi = q.row(i);
     vi = dq.row(i);
     ai = ddq.row(i);
     inverse_dynamics(model_, ws, qi, vi, ai, torque);
-    regressor(model_, ws, qi, vi, ai, Y);
     for (int j = 0; j < n; ++j) {
       const Joint& joint = robot_.joints[static_cast<std::size_t>(j)];
       rigid(i, j) = torque[j] + joint.rotor_inertia * ai[j];
       nominal(i, j) = rigid(i, j) + friction_torque(joint.friction, speed(i, j));
-      regressor_[static_cast<std::size_t>(j)].row(i) = Y.row(j);
     }
   }
 }
 
-Eigen::MatrixXd GapMotion::link_columns(int link, int joint) const {
-  return regressor_[static_cast<std::size_t>(joint)].middleCols(10 * link, 10);
+GapMotion GapMotion::part(Eigen::Index first, Eigen::Index count) const {
+  GapMotion out(*this, first, count);
+  out.worked = worked + (speed.topRows(first).colwise().squaredNorm() / rate).transpose();
+  return out;
+}
+
+GapMotion::GapMotion(const GapMotion& of, Eigen::Index first, Eigen::Index count)
+    : rate(of.rate),
+      start(of.start),
+      t(of.t.segment(first, count)),
+      q(of.q.middleRows(first, count)),
+      dq(of.dq.middleRows(first, count)),
+      ddq(of.ddq.middleRows(first, count)),
+      speed(of.speed.middleRows(first, count)),
+      tau(of.tau.middleRows(first, count)),
+      nominal(of.nominal.middleRows(first, count)),
+      rigid(of.rigid.middleRows(first, count)),
+      robot_(of.robot_),
+      model_(of.model_) {}
+
+std::vector<Eigen::MatrixXd> GapMotion::regressor_rows(Eigen::Index first, Eigen::Index count) const {
+  const int n = robot_.size();
+  Workspace<> ws(model_);
+  std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(n), Eigen::MatrixXd(count, 10 * n));
+  Eigen::MatrixXd Y(n, 10 * n);
+  Eigen::VectorXd x(n), v(n), a(n);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    x = q.row(first + i);
+    v = dq.row(first + i);
+    a = ddq.row(first + i);
+    regressor(model_, ws, x, v, a, Y);
+    for (int j = 0; j < n; ++j) out[static_cast<std::size_t>(j)].row(i) = Y.row(j);
+  }
+  return out;
+}
+
+std::vector<Eigen::MatrixXd> GapMotion::link_columns(int link) const {
+  constexpr Eigen::Index block = 4096;  // samples
+  std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(link) + 1, Eigen::MatrixXd(q.rows(), 10));
+  for (Eigen::Index first = 0; first < q.rows(); first += block) {
+    const Eigen::Index count = std::min(block, q.rows() - first);
+    const std::vector<Eigen::MatrixXd> all = regressor_rows(first, count);
+    for (std::size_t j = 0; j < out.size(); ++j)
+      out[j].middleRows(first, count) = all[j].middleCols(10 * link, 10);
+  }
+  return out;
 }
 
 Eigen::MatrixXd GapMotion::along(const Eigen::MatrixXd& d_q, const Eigen::MatrixXd& d_dq,
@@ -68,27 +112,39 @@ Eigen::MatrixXd GapMotion::along(const Eigen::MatrixXd& d_q, const Eigen::Matrix
   return out;
 }
 
-const GapMotion::Slopes& GapMotion::slopes(int joint) const {
-  if (slopes_.empty()) {
-    const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
-    for (int j = 0; j < robot_.size(); ++j) {
-      Eigen::MatrixXd unit = none;
-      unit.col(j).setOnes();
-      slopes_.push_back({along(unit, none, none), along(none, unit, none), along(none, none, unit)});
-    }
+void GapMotion::keep_slopes() const {
+  if (!slopes_.empty()) return;
+  const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
+  for (int j = 0; j < robot_.size(); ++j) {
+    Eigen::MatrixXd unit = none;
+    unit.col(j).setOnes();
+    slopes_.push_back({along(unit, none, none), along(none, unit, none), along(none, none, unit)});
   }
-  return slopes_[static_cast<std::size_t>(joint)];
 }
 
 Eigen::MatrixXd GapMotion::shifted(int joint, const Eigen::VectorXd& d) const {
-  const Slopes& slope = slopes(joint);
   const Eigen::VectorXd speed_of_d = differentiate(d, rate);
   const Eigen::VectorXd acceleration_of_d = differentiate(speed_of_d, rate);
+  if (slopes_.empty()) {
+    const auto unit = [&](const Eigen::VectorXd& x) {
+      Eigen::MatrixXd all = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
+      all.col(joint) = x;
+      return all;
+    };
+    return along(unit(d), unit(speed_of_d), unit(acceleration_of_d));
+  }
+  const Slopes& slope = slopes_[static_cast<std::size_t>(joint)];
   return d.asDiagonal() * slope[0] + speed_of_d.asDiagonal() * slope[1] +
          acceleration_of_d.asDiagonal() * slope[2];
 }
 
-Eigen::VectorXd GapMotion::inertia(int joint) const { return slopes(joint)[2].col(joint); }
+Eigen::VectorXd GapMotion::inertia(int joint) const {
+  if (!slopes_.empty()) return slopes_[static_cast<std::size_t>(joint)][2].col(joint);
+  const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
+  Eigen::MatrixXd unit = none;
+  unit.col(joint).setOnes();
+  return along(none, none, unit).col(joint);
+}
 
 Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const {
   const Model<> turned = model_.with_gravity(gravity), none = model_.with_gravity(Eigen::Vector3d::Zero());
@@ -106,36 +162,21 @@ Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const
   return out;
 }
 
-Eigen::MatrixXd GapMotion::force_columns(int link, const Eigen::Vector3d& point, int joint) const {
-  const int n = robot_.size();
-  if (force_.empty()) {
-    force_.assign(
-        static_cast<std::size_t>(n),
-        std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(n), Eigen::MatrixXd::Zero(q.rows(), 12)));
-    Workspace<> ws(model_);
-    std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(n) + 1);
-    for (Eigen::Index i = 0; i < q.rows(); ++i) {
-      forward_kinematics(model_, ws, q.row(i).transpose(), poses);
-      for (int l = 0; l < n; ++l) {
-        for (int j = 0; j <= l; ++j) {
-          const Eigen::Isometry3d &frame = poses[static_cast<std::size_t>(j)],
-                                  &body = poses[static_cast<std::size_t>(l)];
-          const Eigen::Vector3d axis = frame.linear() * robot_.joints[static_cast<std::size_t>(j)].axis;
-          auto row = force_[static_cast<std::size_t>(l)][static_cast<std::size_t>(j)].row(i);
-          if (robot_.joints[static_cast<std::size_t>(j)].type == JointType::prismatic) {
-            row.head<3>() = axis.transpose();
-          } else {
-            row.head<3>() = axis.cross(body.translation() - frame.translation()).transpose();
-            for (int k = 0; k < 3; ++k)
-              row.segment<3>(3 + 3 * k) = axis.cross(body.linear().col(k)).transpose();
-          }
-        }
-      }
+std::vector<Eigen::MatrixXd> GapMotion::force_columns(int link, const Eigen::Vector3d& point,
+                                                      Eigen::Index first, Eigen::Index count) const {
+  Workspace<> ws(model_);
+  std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(robot_.size()) + 1);
+  std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(link) + 1, Eigen::MatrixXd(count, 3));
+  for (Eigen::Index i = 0; i < count; ++i) {
+    forward_kinematics(model_, ws, q.row(first + i).transpose(), poses);
+    const Eigen::Vector3d at = poses[static_cast<std::size_t>(link)] * point;
+    for (std::size_t j = 0; j < out.size(); ++j) {
+      const Eigen::Vector3d axis = poses[j].linear() * robot_.joints[j].axis;
+      const bool slides = robot_.joints[j].type == JointType::prismatic;
+      out[j].row(i) = (slides ? axis : Eigen::Vector3d(axis.cross(at - poses[j].translation()))).transpose();
     }
   }
-  const Eigen::MatrixXd& all = force_[static_cast<std::size_t>(link)][static_cast<std::size_t>(joint)];
-  return all.leftCols(3) + point[0] * all.middleCols(3, 3) + point[1] * all.middleCols(6, 3) +
-         point[2] * all.rightCols(3);
+  return out;
 }
 
 }  // namespace dynid

@@ -19,9 +19,10 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
   shrink.fraction = shrink_fraction(rows.y, after, floor);
   // Blocks drawn with replacement.
   std::vector<std::vector<Eigen::Index>> blocks;
+  const double length = block_length(rows);
   double open = -1.0;
   for (Eigen::Index i = 0; i < rows.size(); ++i) {
-    const double block = std::floor(rows.t[i] / block_seconds) + 1e6 * rows.log[static_cast<std::size_t>(i)];
+    const double block = std::floor(rows.t[i] / length) + 1e6 * rows.log[static_cast<std::size_t>(i)];
     if (block != open) blocks.emplace_back();
     open = block;
     blocks.back().push_back(i);
@@ -43,7 +44,7 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
 }
 
 GapModel fitted_within(const GapRows& rows, const GapModel& model) {
-  const GapRows odd(rows, alternate(rows, true, within_seconds, 1));
+  const GapRows odd(rows, alternate(rows, true, within_length(rows), 1));
   GapModel part = model;
   part.effects = carried(odd, model.effects);
   part.fit = fit_of(odd, part.effects, model.kappa);
@@ -52,7 +53,7 @@ GapModel fitted_within(const GapRows& rows, const GapModel& model) {
 
 Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
                      unsigned seed) {
-  const GapRows even(rows, alternate(rows, false, within_seconds, 1));
+  const GapRows even(rows, alternate(rows, false, within_length(rows), 1));
   const GapModel part = fitted_within(rows, model);
   return shrink_of(even, even.y - contribution(even, part, part.fit.theta), floor, seed);
 }

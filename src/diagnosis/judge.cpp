@@ -45,22 +45,6 @@ class Judge {
     return least;
   }
 
-  /// Too little for so many: perhaps enough for fewer.
-  void reduce(Judged& out) const {
-    while (out.model.effects.size() > 1 && out.explained < enough_of(out.model)) {
-      const auto least = std::min_element(out.shares.begin(), out.shares.end()) - out.shares.begin();
-      GapModel smaller = choice_.search.evaluate(without(out.model.effects, static_cast<std::size_t>(least)),
-                                                 out.model.kappa);
-      Shrink shrink;
-      const double here = explained(smaller, shrink);
-      if (smaller.effects.size() == 1 && here < criteria_.least_of_fewer) break;
-      out.model = std::move(smaller);
-      out.explained = here;
-      out.shrink = std::move(shrink);
-      out.shares = shapley_shares(choice_.search, out.model, noise_);
-    }
-  }
-
   /// Effects that may as well not be there, or that take nothing of the gap, are left out one by one, least
   /// probable first.
   void prune(Judged& out) const {
@@ -77,7 +61,30 @@ class Judge {
       out.model = choice_.search.evaluate(without(out.model.effects, least), out.model.kappa);
       measure(out);
     }
-    out.ranked = rank(choice_, out.model, out.shares, out.explained, noise_);
+  }
+
+  /// Weighs what is left, all of it together, and names of it what is more likely there than not.
+  void weigh(Judged& out) const {
+    const Ranked all = rank(choice_, out.model, out.shares, noise_);
+    out.ranked.ranking = all.ranking;
+    std::vector<Adopted> likely;
+    for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
+      const Adopted& e = out.model.effects[k];
+      ConsideredEffect here{e.h->name(), {}, out.shares[k], all.grounds[k], all.probability[k]};
+      for (const UnitShape& u : e.units)
+        for (const int j : e.h->joints(choice_.rows.motions().front().robot(), u.unit))
+          here.joints.push_back(j);
+      out.considered.push_back(std::move(here));
+      if (all.probability[k] < criteria_.least_probability) continue;
+      likely.push_back(e);
+      out.ranked.probability.push_back(all.probability[k]);
+      out.ranked.aliases.push_back(all.aliases[k]);
+    }
+    std::stable_sort(out.considered.begin(), out.considered.end(),
+                     [](const ConsideredEffect& a, const ConsideredEffect& b) { return a.share > b.share; });
+    if (likely.size() == out.model.effects.size()) return;
+    out.model = choice_.search.evaluate(std::move(likely), out.model.kappa);
+    measure(out);
   }
 
   /// What the model explains, and the shares of its effects.
@@ -100,18 +107,15 @@ class Judge {
                                     : there && unexplained(model_of_none(model), model.kappa)
                                         ? Verdict::unexplained
                                         : Verdict::not_detected;
+    for (const ConsideredEffect& e : out.considered)
+      if (e.probability < criteria_.least_probability)
+        out.judgement.push_back({"least_probability", e.probability, criteria_.least_probability, false,
+                                 "probability of " + e.name + ", which is therefore not named"});
     if (model.effects.empty()) {
       say(out, "structure", structure, criteria_.detection, structure <= criteria_.detection,
           "chance that a gap unrelated to the motion is explained as well by any effect");
       return without_effects;
     }
-    const bool enough = out.explained >= enough_of(model);
-    say(out, "least_explained", out.explained, enough_of(model), enough,
-        "part of the gap that the effects explain, where they were fitted and where they were not");
-    const bool exact = !inexact(model, out.shares, 1.0 - out.explained);
-    say(out, "left_by_exact", 1.0 - out.explained, blamed(model, out.shares), exact,
-        "part of the gap that is left, beside what the effects' forms can be blamed for");
-    if (!enough || !exact) return without_effects;
     const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,
@@ -138,9 +142,6 @@ class Judge {
   }
 
  private:
-  double enough_of(const GapModel& m) const {
-    return criteria_.least_explained(static_cast<int>(m.effects.size()));
-  }
   bool unexplained(const Eigen::MatrixXd& residual, double kappa) const {
     return left_over(choice_.rows, residual, kappa > 0.0 ? options_.tolerance : 0.0, criteria_);
   }
@@ -154,26 +155,6 @@ class Judge {
   }
   Eigen::MatrixXd model_of_none(const GapModel& model) const {
     return choice_.search.none(model.kappa).fit.residual;
-  }
-  double blamed(const GapModel& model, const std::vector<double>& shares) const {
-    double part = criteria_.left_by_exact;
-    for (std::size_t k = 0; k < model.effects.size(); ++k)
-      if (model.effects[k].h->approximate()) part += shares[k];
-    return part;
-  }
-
-  /// More is left than the effects' forms can be blamed for, those that are not exact having taken `shares`
-  /// of the gap, and on a joint of an exact one more than noise, whatever its colour, leaves on most:
-  /// something else is there.
-  bool inexact(const GapModel& model, const std::vector<double>& shares, double left) const {
-    const Eigen::VectorXd ratio = rms(model.fit.residual).cwiseQuotient(choice_.rows.white_floor);
-    const double usual = std::max(criteria_.floor_room, median(ratio));
-    bool more = false;
-    for (const Adopted& e : model.effects)
-      for (const UnitShape& u : e.units)
-        for (const int j : u.block->channels)
-          more = more || (!e.h->approximate() && ratio[j] > criteria_.most_of_exact * usual);
-    return more && left > blamed(model, shares);
   }
 
   const Choice& choice_;
@@ -190,8 +171,8 @@ Judged judge(const Choice& choice, const Eigen::VectorXd& noise, const GapSize& 
   Judged out;
   out.model = choice.model;
   by.measure(out);
-  by.reduce(out);
   by.prune(out);
+  by.weigh(out);
   out.windowed = has_window(out.model);
   out.within = out.windowed || (choice.split.alone && !out.model.effects.empty());
   if (!out.within) out.shrink = by.shrink_in_held(out.model, true);

@@ -14,8 +14,9 @@ struct Judged {
   GapModel model;              ///< the choice, or what of it holds
   std::vector<double> shares;  ///< of each of its effects
   double explained = 0.0;      ///< least part of the gap's energy that they explain, fitted or held out
-  Ranked ranked;               ///< of the model, or of what was left out of it for being too little
-  Shrink shrink;               ///< where nothing was chosen or fitted
+  Ranked ranked;               ///< of the model; its ranking is of what was considered
+  std::vector<ConsideredEffect> considered;
+  Shrink shrink;  ///< where nothing was chosen or fitted
   bool windowed = false, within = false;
   Verdict verdict = Verdict::no_gap;
   std::vector<Judgement> judgement;

@@ -26,8 +26,10 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
     const auto own = [&](const RowBlock& block) {
       return by.own_gain(h, {{unit}, {*block.find(unit)}}, base.channels[u], base.model.kappa);
     };
-    out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1 ? best_shape(by, h, unit, grid[u], own, 0.0)
-                                                                  : best_shape(by, h, unit, grid[u], gain);
+    const double worth = by.criteria.worth_refining * by.price(h, {unit, grid[u][0].shape, grid[u][0].block});
+    out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1
+                      ? best_shape(by, h, unit, grid[u], own, worth)
+                      : best_shape(by, h, unit, grid[u], gain, worth);
     const bool possible =
         !h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape);
     out.gains[u] = possible ? gain(*out.best[u].block) - by.price(h, out.best[u])

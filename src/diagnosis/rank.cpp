@@ -8,34 +8,15 @@
 
 #include "dynid/diagnosis/calibration.hpp"
 #include "energy.hpp"
+#include "grounds.hpp"
 
 namespace dynid::detail {
 namespace {
 
-/// The form error of all effects of a model but one, as variances: of each joint's torque, and through its
-/// noise's filter.
-struct FormError {
-  Eigen::VectorXd size, innovation;
-};
-FormError form_error(const Choice& choice, const GapModel& model, std::size_t but) {
-  const GapRows& rows = choice.rows;
-  const int n = rows.joints();
-  FormError out{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  for (std::size_t k = 0; k < model.effects.size(); ++k) {
-    // A window's form error is in the window.
-    if (k == but || model.effects[k].h->scope() == Scope::window) continue;
-    const double part = model.effects[k].h->approximate() ? choice.criteria().form_of_approximate
-                                                          : choice.criteria().form_of_exact;
-    const Eigen::MatrixXd torque = part * own_contribution(model, k);
-    for (int j = 0; j < n; ++j) {
-      if (torque.col(j).isZero(0.0)) continue;
-      const ChannelNoise& noise = model.fit.noise[static_cast<std::size_t>(j)];
-      const Eigen::MatrixXd white = whitened(rows, torque.col(j), noise);
-      out.size[j] += torque.col(j).squaredNorm() / double(rows.size());
-      out.innovation[j] += noise.variance * white.squaredNorm() / double(white.rows());
-    }
-  }
-  return out;
+constexpr double least_unlike = 1e-4;  // less of its energy is nothing
+
+double form_of(const Criteria& criteria, const Hypothesis& h) {
+  return h.approximate() ? criteria.form_of_approximate : criteria.form_of_exact;
 }
 
 /// Part of the gap's energy beyond the floor that an effect takes alone.
@@ -47,6 +28,7 @@ double explained_alone(const Choice& choice, const GapModel& model, const Eigen:
 
 struct Candidate {
   double score, explained;
+  double left;  // energy, in units of the floor
 };
 
 /// Scores in the place of one effect; "" is nothing there.
@@ -56,10 +38,11 @@ std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel
   const auto score = [&](const GapModel& m) {
     return m.score - m.fit.total + evidence_with_form(choice.rows, m.fit, form.size, form.innovation);
   };
-  std::map<std::string, Candidate> out = {{"", {score(base), 0.0}}};
+  const auto left = [&](const GapModel& m) { return energy(m.fit.residual, floor); };
+  std::map<std::string, Candidate> out = {{"", {score(base), 0.0, left(base)}}};
   others = choice.search.alternatives(base, 8);
   for (const GapModel& m : others) {
-    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0};
+    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m)};
     Candidate& best = out.emplace(m.effects.back().h->name(), here).first->second;
     if (here.score > best.score) best = here;
   }
@@ -93,59 +76,69 @@ bool below_form(const Choice& choice, const GapModel& model, std::size_t which) 
   return true;
 }
 
-Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares, double explained,
+Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares,
             const Eigen::VectorXd& floor) {
-  const double temperature = calibration().temperature;
-  Ranked out{std::vector<double>(model.effects.size()),
-             std::vector<std::vector<std::string>>(model.effects.size()),
-             {}};
+  const Calibration& by = calibration();
+  const std::size_t count = model.effects.size();
+  Ranked out{std::vector<double>(count),
+             std::vector<std::vector<std::string>>(count),
+             {},
+             grounds_of(choice, model, shares, floor)};
   std::map<std::string, RankedEffect> ranking;
   for (const std::string& name : choice.search.names()) ranking[name].name = name;
-  // Not only the others compared may be right instead, but none of them.
-  const auto sure = [&](double part) {
-    return 1.0 - std::min(0.99, calibration().doubt + calibration().doubt_of_rest * (1.0 - part));
-  };
+  // `certain` is of the candidate on top; the others share what is left of it as their scores say.
   const auto put_first = [&](const std::map<std::string, Candidate>& all, double top, double certain) {
     double sum = 0.0;
-    for (const auto& [name, c] : all) sum += std::exp((c.score - top) / temperature);
-    for (const auto& [name, c] : all)
+    for (const auto& [name, c] : all) sum += std::exp((c.score - top) / by.temperature);
+    for (const auto& [name, c] : all) {
+      const double part = std::exp((c.score - top) / by.temperature) / sum;
       if (!name.empty())
-        ranking[name] = {name, certain * std::exp((c.score - top) / temperature) / sum, c.explained};
+        ranking[name] = {name, c.score == top ? certain : std::min(part, (1.0 - certain) * part),
+                         c.explained};
+    }
   };
   const std::vector<std::size_t> order = by_share(shares);
   std::vector<GapModel> others;
   for (const std::size_t k : order) {
     const std::string mine = model.effects[k].h->name();
-    const FormError form = form_error(choice, model, k);
+    const FormError form = form_error(choice, model);
     std::map<std::string, Candidate> all =
         candidates(choice, choice.search.evaluate(without(model.effects, k), model.kappa), form, floor,
                    k == order.front(), others);
     const double own = model.score - model.fit.total +
                        evidence_with_form(choice.rows, model.fit, form.size, form.innovation);
-    all[mine] = {own,
-                 k == order.front()
-                     ? explained_alone(choice, choice.search.evaluate({model.effects[k]}, model.kappa), floor)
-                     : 0.0};
-    double sum = 0.0;
-    for (const auto& [name, c] : all) sum += std::exp((c.score - own) / temperature);
-    out.probability[k] = sure(explained) / sum;
+    all.erase(mine);
+    double best = -std::numeric_limits<double>::infinity(), left = best;
+    for (const auto& [name, c] : all)
+      if (c.score > best) best = c.score, left = c.left;
+    const double mine_left = energy(model.fit.residual, floor),
+                 size = energy(own_contribution(model, k), floor) + 1e-300;
+    out.grounds[k][Ground::evidence] = std::asinh(own - best);
+    out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
+    out.probability[k] = by.probability(out.grounds[k]);
+    const double form_part = form_of(choice.criteria(), *model.effects[k].h);
     for (const GapModel& m : others) {
-      const std::string name = m.effects.back().h->name();
+      const Hypothesis& h = *m.effects.back().h;
       std::vector<std::string>& aliases = out.aliases[k];
-      if (name != mine && m.fit.total > model.fit.total - choice.criteria().indistinct &&
-          std::find(aliases.begin(), aliases.end(), name) == aliases.end())
-        aliases.push_back(name);
+      // As good a fit, or what the forms of the two can be blamed for.
+      const double part = std::max(form_part, form_of(choice.criteria(), h));
+      const bool alike = m.fit.total > model.fit.total - choice.criteria().indistinct ||
+                         energy(m.fit.residual, floor) - mine_left < part * part * size;
+      if (h.name() != mine && alike && std::find(aliases.begin(), aliases.end(), h.name()) == aliases.end())
+        aliases.push_back(h.name());
     }
-    if (k == order.front()) put_first(all, own, sure(explained));
+    if (k != order.front()) continue;
+    all[mine] = {own, explained_alone(choice, choice.search.evaluate({model.effects[k]}, model.kappa), floor),
+                 mine_left};
+    put_first(all, own, out.probability[k]);
   }
   if (model.effects.empty()) {
     const FormError none{Eigen::VectorXd::Zero(choice.rows.joints()),
                          Eigen::VectorXd::Zero(choice.rows.joints())};
     const auto all = candidates(choice, choice.search.none(model.kappa), none, floor, true, others);
-    double top = -std::numeric_limits<double>::infinity(), most = 0.0;
-    for (const auto& [name, c] : all)
-      if (c.score > top) top = c.score, most = c.explained;
-    put_first(all, top, sure(most));
+    double top = -std::numeric_limits<double>::infinity();
+    for (const auto& [name, c] : all) top = std::max(top, c.score);
+    put_first(all, top, 0.0);
   }
   for (const auto& [name, r] : ranking) out.ranking.push_back(r);
   std::stable_sort(out.ranking.begin(), out.ranking.end(), [](const RankedEffect& a, const RankedEffect& b) {

@@ -14,13 +14,13 @@ struct Ranked {
   std::vector<std::vector<std::string>> aliases;
   /// Of every effect of the library: to be the first; most probable first.
   std::vector<RankedEffect> ranking;
+  std::vector<Grounds> grounds;  ///< of each effect of the set
 };
 
 /// Compares, for each effect of the set, the set with it, with every other effect in its place, and with
 /// nothing there. What the forms of the others are not exact in is variance for all of them: an effect whose
-/// gain is below what that could make is not probable. `explained`: part of the gap that the set explains;
-/// `shares`: of its effects; `floor`: n [N m or N].
-Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares, double explained,
+/// gain is below what that could make is not probable. `shares`: of its effects; `floor`: n [N m or N].
+Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares,
             const Eigen::VectorXd& floor);
 
 /// Probability that effect `which` of the set is there, if it or nothing in its place is.

@@ -66,8 +66,11 @@ std::vector<UnitShape> Search::forms_on(const GapModel& model, const std::vector
     const Hypothesis& h = *model.effects[own[i]].h;
     const auto which = std::find(library_.begin(), library_.end(), &h) - library_.begin();
     const auto& points = grids_[static_cast<std::size_t>(which)][static_cast<std::size_t>(joint)];
-    forms[i] = best_shape(by_, h, joint, points,
-                          [&](const RowBlock& b) { return by_.own_gain(h, b, alone, model.kappa); });
+    const double worth = by_.criteria.worth_refining *
+                         (by_.price(h, {joint, points[0].shape, points[0].block}) + by_.criteria.joint_gain);
+    forms[i] = best_shape(
+        by_, h, joint, points, [&](const RowBlock& b) { return by_.own_gain(h, b, alone, model.kappa); },
+        worth);
   }
   return forms;
 }

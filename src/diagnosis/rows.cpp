@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rows.hpp"
 
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "alike.hpp"
 #include "dynid/friction/friction.hpp"
@@ -28,56 +31,94 @@ Eigen::Matrix<double, 10, 1> sizes(const StandardParameters& p) {
 
 }  // namespace
 
-GapRows::GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs) {
-  auto motions = std::make_shared<std::vector<GapMotion>>();
-  auto stretches = std::make_shared<std::vector<Stretch>>();
+void GapRows::add(Motions& motions, Stretches& stretches, GapMotion motion, const DecimatingFilter& filter,
+                  Eigen::Index edge, int of_log) {
+  const Eigen::Index samples = motion.samples();
+  Eigen::Index first = 0, last = filter.outputs(samples) - 1;
+  while (first <= last && filter.centre(first) < edge) ++first;
+  while (last >= first && filter.centre(last) > samples - 1 - edge) --last;
+  if (last < first) return;
+  stretches.push_back({filter, edge, first, last - first + 1, of_log});
+  parts.push_back(parts.back() + last - first + 1);
+  log.resize(static_cast<std::size_t>(parts.back()), of_log);
+  motions.push_back(std::move(motion));
+}
+
+GapRows::GapRows(const Robot& nominal, std::vector<PreparedLog>& logs) {
+  Motions motions;
+  Stretches stretches;
   parts.push_back(0);
-  std::vector<double> stamps;
   for (std::size_t l = 0; l < logs.size(); ++l) {
-    const double start = logs[l].segments.front().t[0];
-    for (const Segment& segment : logs[l].segments) {
-      const auto factor = std::max<Eigen::Index>(
-          1, static_cast<Eigen::Index>(std::floor(segment.rate / (2.5 * logs[l].cutoff))));
-      const DecimatingFilter filter(ZeroPhaseButterworth(logs[l].cutoff, segment.rate).half_kernel(), factor);
-      const auto edge = static_cast<Eigen::Index>(std::ceil(edge_periods * segment.rate / logs[l].cutoff));
-      Eigen::Index first = 0, last = filter.outputs(segment.t.size()) - 1;
-      while (first <= last && filter.centre(first) < edge) ++first;
-      while (last >= first && filter.centre(last) > segment.t.size() - 1 - edge) --last;
-      if (last < first) continue;
-      motions->emplace_back(nominal, segment, start);
-      stretches->push_back({filter, first, last - first + 1, static_cast<int>(l)});
-      parts.push_back(parts.back() + last - first + 1);
-      for (Eigen::Index k = first; k <= last; ++k) {
-        stamps.push_back(motions->back().t[filter.centre(k)]);
-        log.push_back(static_cast<int>(l));
-      }
+    const double start = logs[l].segments.front().t[0], cutoff = logs[l].cutoff;
+    Eigen::VectorXd worked = Eigen::VectorXd::Zero(nominal.size());
+    for (Segment& segment : logs[l].segments) {
+      const double rate = segment.rate;
+      const auto factor =
+          std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(rate / (2.5 * cutoff))));
+      GapMotion motion(nominal, std::move(segment), start);
+      motion.worked = worked;
+      worked += (motion.speed.colwise().squaredNorm() / rate).transpose();
+      add(motions, stretches, std::move(motion),
+          DecimatingFilter(ZeroPhaseButterworth(cutoff, rate).half_kernel(), factor),
+          static_cast<Eigen::Index>(std::ceil(edge_periods * rate / cutoff)), static_cast<int>(l));
     }
+    logs[l].segments.clear();
   }
-  motions_ = motions;
-  stretches_ = stretches;
-  used_.assign(stretches->size(), true);
-  t = Eigen::Map<Eigen::VectorXd>(stamps.data(), static_cast<Eigen::Index>(stamps.size()));
-  std::vector<Eigen::MatrixXd> gap, position, speed, acceleration, torque;
-  for (const GapMotion& m : *motions_) {
-    gap.push_back(m.tau - m.nominal);
-    position.push_back(m.q);
-    speed.push_back(m.dq);
-    acceleration.push_back(m.ddq);
-    torque.push_back(m.rigid);
-  }
-  y = filtered(gap);
-  q = filtered(position);
-  dq = filtered(speed);
-  ddq = filtered(acceleration);
-  load = filtered(torque);
-  for (std::size_t s = 0; s < motions_->size(); ++s) {
-    const GapMotion& m = (*motions_)[s];
-    torque[s] = usual_lateness * differentiate(m.nominal, m.rate);
-  }
-  timing = filtered(torque);
+  fill(std::move(motions), std::move(stretches));
   find_white_floor();
   find_ranges();
   make_nuisance();
+}
+
+GapRows::GapRows(const GapRows& whole, const std::vector<RowWindow>& windows) {
+  Motions motions;
+  Stretches stretches;
+  parts.push_back(0);
+  for (const RowWindow& window : windows) {
+    const std::size_t s = whole.stretch_of(window.first);
+    const Stretch& stretch = (*whole.stretches_)[s];
+    const GapMotion& motion = (*whole.motions_)[s];
+    const Eigen::Index factor = stretch.filter.centre(1) - stretch.filter.centre(0),
+                       output = stretch.first + window.first - whole.parts[s],
+                       before = (stretch.edge + factor - 1) / factor;
+    // Beginning at a multiple of the decimation, the window has the rows of the whole.
+    const Eigen::Index begin = factor * std::max<Eigen::Index>(0, output - before),
+                       end = std::min(motion.samples(),
+                                      stretch.filter.centre(output + window.count - 1) + stretch.edge + 1);
+    add(motions, stretches, motion.part(begin, end - begin), stretch.filter, stretch.edge, stretch.log);
+  }
+  fill(std::move(motions), std::move(stretches));
+  white_floor = whole.white_floor;
+  range = whole.range;
+  make_nuisance();
+}
+
+std::size_t GapRows::stretch_of(Eigen::Index row) const {
+  return static_cast<std::size_t>(std::upper_bound(parts.begin(), parts.end(), row) - parts.begin()) - 1;
+}
+
+void GapRows::fill(Motions motions, Stretches stretches) {
+  motions_ = std::make_shared<const Motions>(std::move(motions));
+  stretches_ = std::make_shared<const Stretches>(std::move(stretches));
+  used_.assign(stretches_->size(), true);
+  t.resize(parts.back());
+  for (std::size_t s = 0; s < stretches_->size(); ++s)
+    for (Eigen::Index k = 0; k < (*stretches_)[s].count; ++k)
+      t[parts[s] + k] = (*motions_)[s].t[(*stretches_)[s].filter.centre((*stretches_)[s].first + k)];
+  // One after another: the samples of a log of hours are not to stand in memory several times over.
+  const auto of = [&](const auto& signal) {
+    std::vector<Eigen::MatrixXd> all;
+    for (const GapMotion& m : *motions_) all.push_back(signal(m));
+    return filtered(all);
+  };
+  y = of([](const GapMotion& m) -> Eigen::MatrixXd { return m.tau - m.nominal; });
+  q = of([](const GapMotion& m) { return m.q; });
+  dq = of([](const GapMotion& m) { return m.dq; });
+  ddq = of([](const GapMotion& m) { return m.ddq; });
+  load = of([](const GapMotion& m) { return m.rigid; });
+  timing = of([](const GapMotion& m) -> Eigen::MatrixXd {
+    return usual_lateness * differentiate(m.nominal, m.rate);
+  });
   active = Eigen::VectorXd::Constant(y.cols(), double(size()));
 }
 
@@ -186,7 +227,9 @@ Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) c
   Eigen::Index rows = 0, columns = 0;
   for (const Stretch& stretch : *stretches_) rows += stretch.count;
   for (const Eigen::MatrixXd& signal : signals) columns = std::max(columns, signal.cols());
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(rows, columns);
+  const bool all = kept_.empty();
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(all ? rows : static_cast<Eigen::Index>(kept_.size()), columns);
+  Eigen::Index at = 0;  // of the rows that are kept
   rows = 0;
   for (std::size_t s = 0; s < signals.size(); ++s) {
     const Stretch& stretch = (*stretches_)[s];
@@ -195,15 +238,19 @@ Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) c
     Eigen::Index begin = 0, end = x.rows();
     while (begin < end && x.row(begin).isZero(0.0)) ++begin;
     while (end > begin && x.row(end - 1).isZero(0.0)) --end;
-    for (Eigen::Index k = 0; k < stretch.count && begin < end; ++k) {
+    const auto put = [&](Eigen::Index k, Eigen::Index row) {
       const Eigen::Index centre = stretch.filter.centre(stretch.first + k), reach = stretch.filter.reach();
-      if (centre + reach >= begin && centre - reach < end)
-        out.row(rows + k) = stretch.filter.output(stretch.first + k, x, 0, x.rows());
-    }
+      if (begin < end && centre + reach >= begin && centre - reach < end)
+        out.row(row) = stretch.filter.output(stretch.first + k, x, 0, x.rows());
+    };
+    if (all)
+      for (Eigen::Index k = 0; k < stretch.count; ++k) put(k, rows + k);
+    else
+      for (; at < out.rows() && kept_[static_cast<std::size_t>(at)] < rows + stretch.count; ++at)
+        put(kept_[static_cast<std::size_t>(at)] - rows, at);
     rows += stretch.count;
   }
-  if (kept_.empty()) return out;
-  return out(kept_, Eigen::all);
+  return out;
 }
 
 RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
@@ -276,31 +323,73 @@ GapRows GapRows::moving(double times) const {
   return out;
 }
 
-void GapRows::make_nuisance() {
-  const Robot& robot = motions_->front().robot();
+std::vector<Eigen::MatrixXd> GapRows::nuisance_columns(std::size_t s, Eigen::Index first, Eigen::Index count,
+                                                       Eigen::Index stride) const {
+  const Stretch& stretch = (*stretches_)[s];
+  const GapMotion& m = (*motions_)[s];
+  const Robot& robot = m.robot();
   const int n = robot.size();
+  first += stretch.first;
+  const Eigen::Index reach = stretch.filter.reach(),
+                     from = std::max<Eigen::Index>(0, stretch.filter.centre(first) - reach),
+                     to = std::min(m.samples(), stretch.filter.centre(first + count - 1) + reach + 1);
+  const std::vector<Eigen::MatrixXd> all = m.regressor_rows(from, to - from);
+  std::vector<Eigen::MatrixXd> out;
   for (int j = 0; j < n; ++j) {
     const JointFriction& f = robot.joints[static_cast<std::size_t>(j)].friction;
-    std::vector<Eigen::MatrixXd> signals;
-    for (const GapMotion& m : *motions_) {
-      Eigen::MatrixXd columns(m.samples(), 10 * n + 6);
-      for (int l = 0; l < n; ++l)
-        columns.middleCols(10 * l, 10) =
-            m.link_columns(l, j) * sizes(robot.joints[static_cast<std::size_t>(l)].parameters).asDiagonal();
-      for (Eigen::Index i = 0; i < m.samples(); ++i) {
-        const Eigen::RowVector3d linear = friction_regressor(f.linear, m.speed(i, j));
-        const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.speed(i, j));
-        columns.row(i).tail<6>() << linear[0] * f.linear.viscous, linear[1] * f.linear.coulomb,
-            linear[2] * f.linear.offset, sigmoid[0] * f.sigmoid.phi1, sigmoid[1] * f.sigmoid.phi2,
-            sigmoid[2] * f.sigmoid.phi3;
-      }
-      signals.push_back(columns);
+    Eigen::MatrixXd columns(to - from, 10 * n + 6);
+    for (int l = 0; l < n; ++l)
+      columns.middleCols(10 * l, 10) =
+          all[static_cast<std::size_t>(j)].middleCols(10 * l, 10) *
+          sizes(robot.joints[static_cast<std::size_t>(l)].parameters).asDiagonal();
+    for (Eigen::Index i = 0; i < columns.rows(); ++i) {
+      const Eigen::RowVector3d linear = friction_regressor(f.linear, m.speed(from + i, j));
+      const Eigen::RowVector3d sigmoid = friction_regressor(f.sigmoid, m.speed(from + i, j));
+      columns.row(i).tail<6>() << linear[0] * f.linear.viscous, linear[1] * f.linear.coulomb,
+          linear[2] * f.linear.offset, sigmoid[0] * f.sigmoid.phi1, sigmoid[1] * f.sigmoid.phi2,
+          sigmoid[2] * f.sigmoid.phi3;
     }
-    const Eigen::MatrixXd all = filtered(signals);
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(all.transpose() * all);
-    const Eigen::Index count = std::min(directions, all.cols());
-    nuisance.push_back(all * eigen.eigenvectors().rightCols(count));
+    out.emplace_back((count - 1) / stride + 1, columns.cols());
+    for (Eigen::Index k = 0; k < out.back().rows(); ++k)
+      out.back().row(k) = stretch.filter.output(first + k * stride, columns, from, m.samples());
   }
+  return out;
+}
+
+void GapRows::make_nuisance() {
+  // Block by block: the columns of all parameters over a log of hours would be larger than all the rest.
+  constexpr Eigen::Index block = 256, rows_for_directions = 4096;
+  struct Job {
+    std::size_t stretch;
+    Eigen::Index first, count;
+  };
+  std::vector<Job> jobs;
+  for (std::size_t s = 0; s < stretches_->size(); ++s)
+    for (Eigen::Index k = 0; k < (*stretches_)[s].count; k += block)
+      jobs.push_back({s, k, std::min(block, (*stretches_)[s].count - k)});
+  const auto n = static_cast<std::size_t>(joints());
+  const Eigen::Index stride = (size() + rows_for_directions - 1) / rows_for_directions;
+  std::vector<std::vector<Eigen::MatrixXd>> covariance(jobs.size()), columns(jobs.size());
+  tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
+    std::vector<Eigen::MatrixXd> all =
+        nuisance_columns(jobs[k].stretch, jobs[k].first, jobs[k].count, stride);
+    for (const Eigen::MatrixXd& x : all) covariance[k].emplace_back(x.transpose() * x);
+    if (stride == 1) columns[k] = std::move(all);
+  });
+  std::vector<Eigen::MatrixXd> main;  // directions of each joint
+  for (std::size_t j = 0; j < n; ++j) {
+    Eigen::MatrixXd sum = covariance.front()[j];
+    for (std::size_t k = 1; k < jobs.size(); ++k) sum += covariance[k][j];
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sum);
+    main.emplace_back(eigen.eigenvectors().rightCols(std::min(directions, sum.cols())));
+    nuisance.emplace_back(size(), main.back().cols());
+  }
+  tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
+    if (stride > 1) columns[k] = nuisance_columns(jobs[k].stretch, jobs[k].first, jobs[k].count, 1);
+    for (std::size_t j = 0; j < n; ++j)
+      nuisance[j].middleRows(parts[jobs[k].stretch] + jobs[k].first, jobs[k].count) = columns[k][j] * main[j];
+    columns[k].clear();
+  });
 }
 
 }  // namespace dynid::detail

@@ -27,11 +27,19 @@ struct RowBlock {
   }
 };
 
+/// Rows that follow one another in one part of a GapRows.
+struct RowWindow {
+  Eigen::Index first, count;
+};
+
 /// Logs as rows of the gap: measured minus nominal torque, and every column that may explain it, through one
 /// zero-phase filter and decimated to 2.5 times its cut-off (GAP: one filter for all).
 class GapRows {
  public:
-  GapRows(const Robot& nominal, const std::vector<PreparedLog>& logs);
+  /// Takes the logs' segments.
+  GapRows(const Robot& nominal, std::vector<PreparedLog>& logs);
+  /// Windows of all rows of logs, each a motion of its own: effects are then computed there alone.
+  GapRows(const GapRows& whole, const std::vector<RowWindow>& windows);
   /// The rows of other's where `keep` is true, in parts without holes.
   GapRows(const GapRows& other, const std::vector<bool>& keep);
 
@@ -73,9 +81,16 @@ class GapRows {
  private:
   struct Stretch {
     DecimatingFilter filter;
+    Eigen::Index edge;  // samples at either end without rows
     Eigen::Index first, count;
     int log;
   };
+  using Motions = std::vector<GapMotion>;
+  using Stretches = std::vector<Stretch>;
+  void add(Motions& motions, Stretches& stretches, GapMotion motion, const DecimatingFilter& filter,
+           Eigen::Index edge, int of_log);
+  void fill(Motions motions, Stretches stretches);
+  std::size_t stretch_of(Eigen::Index row) const;
   std::shared_ptr<const std::vector<GapMotion>> motions_;
   std::shared_ptr<const std::vector<Stretch>> stretches_;
   std::vector<Eigen::Index> kept_;  // empty: all
@@ -83,6 +98,9 @@ class GapRows {
   Eigen::VectorXd lateness_;        // of each channel; empty: none
   std::vector<bool> used_;          // of each stretch: it has rows that are kept; the others are not computed
   void make_nuisance();
+  /// Of each joint: its `count` rows from output `first` of stretch s on, and their columns, every `stride`.
+  std::vector<Eigen::MatrixXd> nuisance_columns(std::size_t s, Eigen::Index first, Eigen::Index count,
+                                                Eigen::Index stride) const;
   void find_ranges();
   void find_white_floor();
 };

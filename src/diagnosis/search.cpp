@@ -43,16 +43,15 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library, cons
       }
     }
   }
-  // What a motion computes once for all is computed before it is shared.
-  for (const GapMotion& motion : rows.motions()) {
-    motion.force_columns(0, Eigen::Vector3d::Zero(), 0);
-    motion.inertia(0);
-  }
+  for (const GapMotion& motion : rows.motions()) motion.keep_slopes();
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
     GridPoint& point = grids_[jobs[k].h][static_cast<std::size_t>(jobs[k].unit)][jobs[k].point];
     point.block = std::make_shared<RowBlock>(by_.rows.block(*library_[jobs[k].h], jobs[k].unit, point.shape));
   });
 }
+
+Search::Search(const GapRows& rows, const Search& proposer)
+    : proposer_(&proposer), by_(rows, proposer.by_.criteria), library_(proposer.library_) {}
 
 std::vector<const RowBlock*> Search::blocks() const {
   std::vector<const RowBlock*> all;
@@ -68,7 +67,16 @@ std::vector<std::string> Search::names() const {
   return out;
 }
 
+std::vector<GapModel> Search::proposed_elsewhere(const GapModel& base, std::size_t joint_refits) const {
+  std::vector<GapModel> models =
+      proposer_->alternatives(proposer_->moved_here(base.effects, base.kappa), joint_refits);
+  tbb::parallel_for(std::size_t{0}, models.size(),
+                    [&](std::size_t k) { models[k] = moved_here(models[k].effects, base.kappa); });
+  return models;
+}
+
 std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
+  if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits));
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
   tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
@@ -90,6 +98,10 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
     effects.push_back(useful[k]);
     models[k] = reassigned(evaluate(std::move(effects), base.kappa));
   });
+  return best_first(std::move(models));
+}
+
+std::vector<GapModel> Search::best_first(std::vector<GapModel> models) const {
   // What a set makes of an effect that it already had may be no such effect any more.
   models.erase(
       std::remove_if(models.begin(), models.end(), [&](const GapModel& m) { return !by_.plausible(m); }),

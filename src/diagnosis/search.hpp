@@ -16,6 +16,9 @@ class Search {
   /// `library`: what may be found. Columns of every grid point are computed here, on all cores. Holds a
   /// reference to the rows and to the criteria.
   Search(const GapRows& rows, std::vector<const Hypothesis*> library, const Criteria& criteria);
+  /// What `proposer` finds in a spread of windows, evaluated on `rows`: it has no grids of its own. Holds a
+  /// reference to the proposer too.
+  Search(const GapRows& rows, const Search& proposer);
 
   /// The best set of up to `most` effects, by forward steps with joint refits, exchanges and a backward
   /// check, for a nominal model whose parameters are off by `kappa`, relatively.
@@ -24,6 +27,10 @@ class Search {
   GapModel exchanged(GapModel model) const;
   /// The gap with no effect.
   GapModel none(double kappa) const { return evaluate({}, kappa); }
+  /// A set refitted, from whichever rows it comes.
+  GapModel moved_here(const std::vector<Adopted>& effects, double kappa) const {
+    return by_.evaluate(by_.here(effects), kappa);
+  }
   /// A set refitted.
   GapModel evaluate(std::vector<Adopted> effects, double kappa) const {
     return by_.evaluate(std::move(effects), kappa);
@@ -52,6 +59,13 @@ class Search {
   std::vector<UnitShape> forms_on(const GapModel& model, const std::vector<std::size_t>& own, int joint,
                                   const Channel& alone) const;
 
+  /// The alternatives of the proposer, on these rows.
+  std::vector<GapModel> proposed_elsewhere(const GapModel& base, std::size_t joint_refits) const;
+
+  /// Those that can be, best first.
+  std::vector<GapModel> best_first(std::vector<GapModel> models) const;
+
+  const Search* proposer_ = nullptr;
   Evaluator by_;
   std::vector<const Hypothesis*> library_;
   std::vector<Grid> grids_;

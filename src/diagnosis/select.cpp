@@ -76,6 +76,13 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
   keep_what_holds();
 }
 
+Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice& sought)
+    : split(rows_split),
+      rows(everything, split.to_fit),
+      held(everything, split.to_judge),
+      search(checked(), sought.search),
+      model(search.moved_here(sought.model.effects, sought.model.kappa)) {}
+
 const GapRows& Choice::checked() const {
   if (rows.size() < least_rows || held.size() < least_held)
     throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +

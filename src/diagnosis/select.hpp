@@ -19,6 +19,9 @@ class Choice {
   /// Chooses. Throws Error where the rows are too few.
   Choice(const GapRows& everything, const Split& split, const std::vector<const Hypothesis*>& library,
          const DiagnoseOptions& options, const Say& say);
+  /// What was chosen in a spread of windows, with all rows to fit and to judge it. Holds a reference to
+  /// `sought`.
+  Choice(const GapRows& everything, const Split& split, const Choice& sought);
   Choice(const Choice&) = delete;
   Choice& operator=(const Choice&) = delete;
 

@@ -45,7 +45,7 @@ void put_series(const Robot& nominal, const GapRows& everything, const Choice& c
   Eigen::VectorXd theta = model.fit.theta;
   if (adopted && judged.within && several) {  // judged where it shows
     theta = fitted_within(choice.rows, model).fit.theta;
-    out.series.held_out = alternate(everything, false, within_seconds, 1);
+    out.series.held_out = alternate(everything, false, within_length(everything), 1);
     for (std::size_t i = 0; i < first.size(); ++i)
       out.series.held_out[i] = out.series.held_out[i] && first[i];
   }

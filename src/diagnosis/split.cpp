@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <utility>
 
+#include "dynid/base/statistics.hpp"
 #include "energy.hpp"
 #include "fit.hpp"
 
 namespace dynid::detail {
 namespace {
 
-constexpr Eigen::Index guard = 4;  // rows: what the filter spreads
+constexpr Eigen::Index guard = 4;                        // rows: what the filter spreads
+constexpr double block_rows = 24.0, within_rows = 10.0;  // at least
 
 /// There is a gap in the rows, beyond what an inexact nominal leaves.
 bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double tolerance,
@@ -19,7 +21,34 @@ bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double to
   return left_over(rows, fit_terms(rows, rows.y, {}, tolerance).residual, tolerance, criteria);
 }
 
+/// [s] between the rows, as most are.
+double spacing(const GapRows& rows) {
+  std::vector<double> steps;
+  for (Eigen::Index i = 1; i < rows.size(); ++i)
+    if (rows.t[i] > rows.t[i - 1]) steps.push_back(rows.t[i] - rows.t[i - 1]);
+  return steps.empty() ? 0.0 : median(steps);
+}
+
+/// All but the last log to fit, the last to judge.
+void by_log(const GapRows& rows, int logs, Split& out) {
+  out.to_fit.resize(static_cast<std::size_t>(rows.size()));
+  out.to_judge = out.to_fit;
+  for (std::size_t i = 0; i < out.to_fit.size(); ++i) {
+    out.to_judge[i] = rows.log[i] + 1 == logs;
+    out.to_fit[i] = !out.to_judge[i];
+  }
+}
+
+void by_blocks(const GapRows& rows, Split& out) {
+  const double block = block_length(rows);
+  out.to_fit = alternate(rows, false, block, guard);
+  out.to_judge = alternate(rows, true, block, guard);
+}
+
 }  // namespace
+
+double block_length(const GapRows& rows) { return std::max(block_seconds, block_rows * spacing(rows)); }
+double within_length(const GapRows& rows) { return std::max(within_seconds, within_rows * spacing(rows)); }
 
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard) {
   std::vector<bool> keep(static_cast<std::size_t>(rows.size()));
@@ -38,20 +67,29 @@ Split split(const GapRows& rows, int logs, double tolerance, const Criteria& cri
   Split out;
   out.several = logs > 1;
   if (!out.several) {
-    out.to_fit = alternate(rows, false, block_seconds, guard);
-    out.to_judge = alternate(rows, true, block_seconds, guard);
+    by_blocks(rows, out);
     return out;
   }
-  out.to_fit.resize(static_cast<std::size_t>(rows.size()));
-  out.to_judge = out.to_fit;
-  for (std::size_t i = 0; i < out.to_fit.size(); ++i) {
-    out.to_judge[i] = rows.log[i] + 1 == logs;
-    out.to_fit[i] = !out.to_judge[i];
-  }
+  by_log(rows, logs, out);
   const bool in_first = has_gap(rows, out.to_fit, tolerance, criteria),
              in_last = has_gap(rows, out.to_judge, tolerance, criteria);
   out.alone = in_first != in_last;
   if (in_last && !in_first) std::swap(out.to_fit, out.to_judge);
+  return out;
+}
+
+Split over_all(const GapRows& rows, int logs, const GapRows& windows, const Split& of_windows) {
+  Split out = of_windows;
+  if (!out.several) {
+    by_blocks(rows, out);
+    return out;
+  }
+  by_log(rows, logs, out);
+  for (std::size_t i = 0; i < of_windows.to_judge.size(); ++i) {
+    if (!of_windows.to_judge[i]) continue;
+    if (windows.log[i] + 1 != logs) std::swap(out.to_fit, out.to_judge);
+    break;
+  }
   return out;
 }
 

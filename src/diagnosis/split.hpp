@@ -11,6 +11,11 @@ namespace dynid::detail {
 constexpr double block_seconds = 1.0;   ///< of held-out blocks and of the bootstrap
 constexpr double within_seconds = 0.4;  ///< of blocks inside a window
 
+/// [s] The same, but never so short that the rows of a log that is sampled slowly are nearly all next to the
+/// end of a block, or that a block has no past to whiten by.
+double block_length(const GapRows& rows);
+double within_length(const GapRows& rows);
+
 /// Rows in every other block of `seconds`, with a guard of `guard` rows before and after each change.
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard);
 
@@ -25,5 +30,7 @@ struct Split {
 };
 /// `logs`: their number; `tolerance`: relative error of the nominal parameters that is no gap.
 Split split(const GapRows& rows, int logs, double tolerance, const Criteria& criteria);
+/// The split of windows, over all rows that they are of.
+Split over_all(const GapRows& rows, int logs, const GapRows& windows, const Split& of_windows);
 
 }  // namespace dynid::detail

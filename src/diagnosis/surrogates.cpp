@@ -7,22 +7,88 @@
 #include <unsupported/Eigen/FFT>
 
 namespace dynid::detail {
+namespace {
+
+// Rows: fewer have no spectrum to speak of, only a sign.
+constexpr Eigen::Index shortest = 4;
+
+using Complex = std::complex<double>;
+
+/// Discrete Fourier transforms of one size. Where that has a large prime factor, as a convolution of a size
+/// that is a power of two (Bluestein 1970): a plain one would take that many times as long.
+class Transform {
+ public:
+  explicit Transform(Eigen::Index size) : size_(static_cast<std::size_t>(size)) {
+    constexpr std::size_t quick = 13;  // prime factors up to it
+    std::size_t rest = size_;
+    for (std::size_t p = 2; p <= quick; ++p)
+      while (rest > 1 && rest % p == 0) rest /= p;
+    if (rest <= 1) return;
+    std::size_t wide = 1;
+    while (wide < 2 * size_) wide *= 2;
+    std::vector<Complex> kernel(wide, 0.0);
+    chirp_.resize(size_);
+    for (std::size_t k = 0; k < size_; ++k) {
+      // k^2 pi / n turns whole after 2 n: taken modulo that, it stays exact.
+      chirp_[k] = std::polar(1.0, -M_PI * double(k * k % (2 * size_)) / double(size_));
+      kernel[k] = std::conj(chirp_[k]);
+      if (k > 0) kernel[wide - k] = kernel[k];
+    }
+    fft_.fwd(kernel_, kernel);
+  }
+
+  std::vector<Complex> forward(const std::vector<Complex>& x) {
+    std::vector<Complex> out;
+    if (chirp_.empty()) {
+      fft_.fwd(out, x);
+      return out;
+    }
+    std::vector<Complex> turned(kernel_.size(), 0.0), spectrum;
+    for (std::size_t k = 0; k < size_; ++k) turned[k] = x[k] * chirp_[k];
+    fft_.fwd(spectrum, turned);
+    for (std::size_t k = 0; k < spectrum.size(); ++k) spectrum[k] *= kernel_[k];
+    fft_.inv(turned, spectrum);
+    out.assign(turned.begin(), turned.begin() + static_cast<std::ptrdiff_t>(size_));
+    for (std::size_t k = 0; k < size_; ++k) out[k] *= chirp_[k];
+    return out;
+  }
+
+  /// Of two spectra of real signals at once: the one is the real part, the other the imaginary part.
+  std::vector<Complex> inverse(const std::vector<Complex>& real, const std::vector<Complex>& imaginary) {
+    std::vector<Complex> both(size_);
+    for (std::size_t k = 0; k < size_; ++k) both[k] = std::conj(real[k] + Complex(0.0, 1.0) * imaginary[k]);
+    both = forward(both);
+    for (Complex& x : both) x = std::conj(x) / double(size_);
+    return both;
+  }
+
+ private:
+  std::size_t size_;
+  std::vector<Complex> chirp_, kernel_;  // empty: the size has small factors
+  Eigen::FFT<double> fft_;
+};
+
+}  // namespace
 
 std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::MatrixXd& gap, int count,
                                         unsigned seed) {
-  using Complex = std::complex<double>;
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> angle(-M_PI, M_PI);
   std::normal_distribution<double> normal;
   std::chi_squared_distribution<double> chi_squared(10.0);
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(count), Eigen::MatrixXd(gap.rows(), gap.cols()));
-  Eigen::FFT<double> fft;
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
     const Eigen::Index first = rows.parts[p], size = rows.parts[p + 1] - first;
-    std::vector<std::vector<Complex>> spectra(static_cast<std::size_t>(gap.cols()));
+    if (size < shortest) {
+      for (Eigen::MatrixXd& surrogate : out)
+        surrogate.middleRows(first, size) = (random() % 2 == 0 ? 1.0 : -1.0) * gap.middleRows(first, size);
+      continue;
+    }
+    Transform transform(size);
+    std::vector<std::vector<Complex>> spectra;
     for (Eigen::Index j = 0; j < gap.cols(); ++j) {
-      const Eigen::VectorXd x = gap.col(j).segment(first, size);
-      fft.fwd(spectra[static_cast<std::size_t>(j)], std::vector<double>(x.data(), x.data() + size));
+      const Eigen::VectorXcd x = gap.col(j).segment(first, size).cast<Complex>();
+      spectra.push_back(transform.forward({x.data(), x.data() + size}));
     }
     const Eigen::Index half = size / 2;
     for (Eigen::MatrixXd& surrogate : out) {
@@ -39,18 +105,24 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
       Eigen::VectorXd mix(2 * lowest);
       for (double& m : mix) m = normal(random);
       mix /= std::sqrt(chi_squared(random));
-      for (Eigen::Index j = 0; j < gap.cols(); ++j) {
-        std::vector<Complex> turned = spectra[static_cast<std::size_t>(j)];
+      std::vector<std::vector<Complex>> turned = spectra;
+      for (std::vector<Complex>& x : turned) {
         double mean = 0.0;
         for (Eigen::Index k = 1; k <= lowest; ++k) {
-          const Complex bin = turned[static_cast<std::size_t>(k)];
+          const Complex bin = x[static_cast<std::size_t>(k)];
           mean += std::sqrt(2.0) * (mix[2 * k - 2] * bin.real() + mix[2 * k - 1] * bin.imag());
         }
-        turned[0] = mean;
-        for (std::size_t k = 1; k < turned.size(); ++k) turned[k] *= turn[k];
-        std::vector<double> x;
-        fft.inv(x, turned);
-        surrogate.col(j).segment(first, size) = Eigen::Map<Eigen::VectorXd>(x.data(), size);
+        x[0] = mean;
+        for (std::size_t k = 1; k < x.size(); ++k) x[k] *= turn[k];
+      }
+      for (std::size_t j = 0; j < turned.size(); j += 2) {
+        const bool pair = j + 1 < turned.size();
+        const std::vector<Complex> x =
+            transform.inverse(turned[j], pair ? turned[j + 1] : std::vector<Complex>(turned[j].size(), 0.0));
+        const auto values = Eigen::Map<const Eigen::VectorXcd>(x.data(), size);
+        const auto column = static_cast<Eigen::Index>(j);
+        surrogate.col(column).segment(first, size) = values.real();
+        if (pair) surrogate.col(column + 1).segment(first, size) = values.imag();
       }
     }
   }

@@ -71,6 +71,16 @@ struct Reader {
       table.not_numbers[k] = place() + "column " + table.names[k] + ": " + what;
   }
 
+  /// Room for as many rows as a file of `size` bytes will have, by those read so far.
+  void reserve(std::ifstream& file, double size) {
+    constexpr double room = 1.02, most = 1e9;
+    const auto here = static_cast<double>(file.tellg());
+    if (!(here > 0.0) || !(size > here)) return;
+    const double rows = std::min(most, room * size / here * double(table.lines.size()));
+    for (std::vector<double>& column : columns) column.reserve(static_cast<std::size_t>(rows));
+    table.lines.reserve(static_cast<std::size_t>(rows));
+  }
+
   /// What programs write where there is no number.
   static bool stands_for_nothing(std::string_view text) {
     std::string lower(text);
@@ -259,6 +269,8 @@ Table read_table(const std::string& path, const TableOptions& options) {
   start.resize(static_cast<std::size_t>(file.gcount()));
   if (const std::string kind = other_kind(start, path); !kind.empty()) throw Error(path + ": " + kind);
   file.clear();
+  file.seekg(0, std::ios::end);
+  const auto size = static_cast<double>(file.tellg());  // negative where it cannot be told
   file.seekg(start.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0);
   std::unique_ptr<csv_parser, CsvFree> parser(new csv_parser);
   if (csv_init(parser.get(), CSV_STRICT) != 0) throw Error(path + ": cannot start the CSV parser");
@@ -308,6 +320,9 @@ Table read_table(const std::string& path, const TableOptions& options) {
       if (count == reader.columns.size()) text.pop_back();
     }
     parse(text);
+    // Growing by halves, columns of a log of hours would take up twice their size.
+    constexpr std::size_t rows_for_estimate = 4096;
+    if (reader.table.lines.size() == rows_for_estimate) reader.reserve(file, size);
   }
   if (file.bad()) throw Error(path + ": cannot be read: " + std::strerror(errno));
   if (reader.header)

@@ -665,25 +665,35 @@ TEST(Diagnose, DataThatCannotBeTrustedAreInvalid) {
   EXPECT_EQ(e.logs[0].report.issues[0].joints, std::vector<int>{3});
 }
 
-// Law: cases whose first effect is right as often as its probability says ask for no other temperature.
-TEST(Calibration, FindsTheTemperature) {
+// Law: what the probabilities are made of is found from a bank that it made, and the few cases of a small one
+// ask for nothing.
+TEST(Calibration, FindsTheWeights) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> uniform;
-  const double twice = 2.0 * calibration().temperature;
-  std::vector<BlindCase> cases;
-  for (int k = 0; k < 400; ++k) {
-    // Two effects, the second behind by `gap` of score: right with the probability of twice the temperature.
-    const double gap = 30.0 * uniform(random), now = 1.0 / (1.0 + std::exp(-gap / calibration().temperature));
-    BlindCase c;
-    c.truth = {{uniform(random) < 1.0 / (1.0 + std::exp(-gap / twice)) ? "a" : "b", {1}, {}}};
-    FoundEffect found;
-    found.effect = {"a", {1}, {}};
-    c.found = {found};
-    c.explained = 1.0;
-    c.ranking = {{"a", now}, {"b", 1.0 - now}};
-    cases.push_back(c);
+  std::normal_distribution<double> normal;
+  Calibration truth;
+  truth.weights[Ground::evidence] = 1.5;
+  truth.weights[Ground::rest] = -2.0;
+  truth.weight_of_one = 0.5;
+  const auto drawn = [&] {
+    ConsideredEffect e{"a", {1}, 1.0, {}, 0.0};
+    for (double& x : e.grounds.value) x = normal(random);
+    return e;
+  };
+  std::vector<BlindCase> cases(2000);
+  for (BlindCase& c : cases) {
+    c.considered = {drawn()};
+    const bool there = uniform(random) < truth.probability(c.considered[0].grounds);
+    c.truth = {{there ? "a" : "b", {1}, {}}};
   }
-  EXPECT_NEAR(std::log2(fit_calibration(cases).temperature / twice), 0.0, 0.8);
+  const Calibration fitted = fit_calibration(cases);
+  double error = 0.0;
+  for (int k = 0; k < 200; ++k) {
+    const Grounds g = drawn().grounds;
+    error += std::abs(fitted.probability(g) - truth.probability(g)) / 200.0;
+  }
+  EXPECT_LT(error, 0.03);
+  EXPECT_EQ(fitted.temperature, calibration().temperature);
   cases.resize(10);
   EXPECT_THROW(fit_calibration(cases), Error);
 }
@@ -710,8 +720,7 @@ TEST(Calibration, FindsErrorsOfTheForm) {
     estimate("exact", exact + 0.01 * normal(random));
     estimate("off", off * (1.0 + 0.2 * normal(random)));
     c.found = {found};
-    c.explained = 1.0;
-    c.ranking = {{"a", 0.9}, {"b", 0.1}};
+    c.considered = {{"a", {1}, 1.0, {}, 0.9}};
     cases.push_back(c);
   }
   const Calibration fitted = fit_calibration(cases);

@@ -47,6 +47,7 @@ struct BlindCase {
   Verdict verdict = Verdict::no_gap;
   double p_value = 1.0, explained = 0.0;
   std::vector<FoundEffect> found;
+  std::vector<ConsideredEffect> considered;
   std::vector<std::pair<std::string, double>> ranking;
   double shrink = 0.0;       ///< of the diagnosis, on the log that took no part
   double true_shrink = 0.0;  ///< the same with nothing but the true effects to choose from

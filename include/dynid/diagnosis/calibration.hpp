@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dynid/diagnosis/blind.hpp"
+#include "dynid/diagnosis/grounds.hpp"
 
 namespace dynid {
 
@@ -14,9 +15,10 @@ namespace dynid {
 /// bank, never on cases that are reported. The one in use is config/diagnosis_calibration.yaml, built into
 /// the library.
 struct Calibration {
-  double temperature = 4.0;          ///< scores are log probabilities times this
-  double doubt = 0.01;               ///< that the first effect is wrong although it explains everything
-  double doubt_of_rest = 0.5;        ///< and further, per part of the gap's energy that stays unexplained
+  double temperature = 4.0;  ///< scores are log probabilities times this
+  /// Weights of the grounds of an effect, and of 1: its probability is the logistic function of their sum.
+  Grounds weights;
+  double weight_of_one = 0.0;
   double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
   double interval_factor_off = 1.0;  ///< and where it is off
   /// Of "effect.parameter": how far the truth may be off, at 90 %, for having another form than the effect's,
@@ -31,6 +33,8 @@ struct Calibration {
       if (e.unit == unit) return 1.0;
     return e.per_joint ? std::abs(e.value[i]) : e.value.norm();
   }
+  /// Probability that an effect of a set is there.
+  double probability(const Grounds& grounds) const;
   /// Of parameter `parameter` of effect `effect`, in units of scale().
   double form_error_of(const std::string& effect, const std::string& parameter) const {
     const auto found = form_errors.find(effect + "." + parameter);
@@ -41,10 +45,12 @@ struct Calibration {
 /// The one in use.
 const Calibration& calibration();
 
-/// What fits the cases of a bank best: the likelihood of the first effects named (temperature and doubts),
-/// of each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values
-/// of one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the
-/// truth of a case left out. Throws Error on fewer than 30 cases with an effect named.
+/// What fits the cases of a bank best: the weights by logistic regression on every effect that was weighed,
+/// named or not, each weight being pulled to 0 as if by a normal prior of one (the temperature stays); of
+/// each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values of
+/// one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the
+/// truth of a case left out. Throws Error on fewer than 30 cases with an effect
+/// weighed.
 Calibration fit_calibration(const std::vector<BlindCase>& cases);
 /// Text of a calibration file; `command` is the one that made it.
 std::string calibration_yaml(const Calibration& calibration, const std::string& command);

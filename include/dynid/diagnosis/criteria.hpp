@@ -56,21 +56,25 @@ struct Criteria {
   /// Log evidence within which two effects are not told apart: e^-4 to one is one in fifty.
   double indistinct = 4.0;
 
+  // ----------------------------------------------------------------------------------------- long logs
+  /// Rows that effects are sought in, of all logs together: where the logs have more, a spread of windows is
+  /// searched, and what is found there is fitted and judged on all rows. What 3200 rows (two logs of a
+  /// minute) do not tell apart, more of the same motion seldom does.
+  int searched_rows = 3200;
+  /// Rows of a window of the spread: ten times what the filter takes of its ends together, so that little is
+  /// lost to them.
+  int window_rows = 200;
+  /// Part of the windows that are those with the largest gap, for what passes; the others cover what the
+  /// joints do, and the time.
+  double loud_windows = 0.25;
+  /// An effect's shape is refined between the points of its grid where the best of them brings this part of
+  /// the log evidence that the effect has to bring.
+  double worth_refining = 0.25;
+
   // ------------------------------------------------------------------------------------- is it the whole
   // story
-  /// Part of the gap that one, two, more effects have to explain: several together can imitate much.
-  double least_of_one = 0.65, least_of_two = 0.9, least_of_more = 0.95;
-  /// By one effect, when it is what is left of several.
-  double least_of_fewer = 0.75;
   /// What is left does not matter where this part is explained.
   double fully_explained = 0.9;
-  /// Part that effects of exact forms may leave, and how many times the noise of most joints on one of
-  /// theirs.
-  double left_by_exact = 0.03, most_of_exact = 2.5;
-
-  double least_explained(int effects) const {
-    return effects < 2 ? least_of_one : effects == 2 ? least_of_two : least_of_more;
-  }
 };
 
 }  // namespace dynid

@@ -9,6 +9,7 @@
 
 #include "dynid/diagnosis/criteria.hpp"
 #include "dynid/diagnosis/gap_series.hpp"
+#include "dynid/diagnosis/grounds.hpp"
 #include "dynid/diagnosis/next_experiment.hpp"
 #include "dynid/diagnosis/rollout.hpp"
 #include "dynid/identification/conventions.hpp"
@@ -131,6 +132,7 @@ struct Diagnosis {
   std::vector<VisibleSize> smallest_visible;  ///< where no effect is named, of the simple ones
   std::vector<FoundEffect> effects;           ///< largest share first
   std::vector<RankedEffect> ranking;          ///< of every effect, most probable first
+  std::vector<ConsideredEffect> considered;   ///< what was weighed, named or not; largest share first
   std::vector<Judgement> judgement;           ///< what decided the verdict
   Shrink shrink;
   GapSeries series;

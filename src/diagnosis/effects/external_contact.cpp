@@ -2,6 +2,7 @@
 // -J^T F at a point of one link in a window of time, by the stamps of its log: F, in the axes of the base
 // frame, is held between a straight rise and a straight fall.
 #include <algorithm>
+#include <vector>
 
 #include "effects.hpp"
 
@@ -26,10 +27,17 @@ class ExternalContact : public Hypothesis {
     const double rise = std::min(shape[2], 0.5 * shape[1]);
     const Eigen::ArrayXd since = motion.t.array() + (motion.start - shape[0]), until = shape[1] - since;
     const Eigen::ArrayXd inside = (since.min(until) / rise).max(0.0).min(1.0);
+    Eigen::Index first = 0, last = inside.size();
+    while (first < last && inside[first] == 0.0) ++first;
+    while (last > first && inside[last - 1] == 0.0) --last;
+    const std::vector<Eigen::MatrixXd> force =
+        motion.force_columns(unit, shape.tail<3>(), first, last - first);
     for (int j = 0; j <= unit; ++j) {
       block.channels.push_back(j);
-      block.values.push_back(
-          -(motion.force_columns(unit, shape.tail<3>(), j).array().colwise() * inside).matrix());
+      block.values.emplace_back(Eigen::MatrixXd::Zero(inside.size(), 3));
+      block.values.back().middleRows(first, last - first) =
+          -(force[static_cast<std::size_t>(j)].array().colwise() * inside.segment(first, last - first))
+               .matrix();
     }
     return block;
   }

@@ -13,10 +13,8 @@ class LinkInertialError : public Hypothesis {
   double prior() const override { return 0.2; }  // on the last link it is a payload where that is a body
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     ColumnBlock block;
-    for (int j = 0; j <= unit; ++j) {
-      block.channels.push_back(j);
-      block.values.push_back(motion.link_columns(unit, j));
-    }
+    block.values = motion.link_columns(unit);
+    for (int j = 0; j <= unit; ++j) block.channels.push_back(j);
     return block;
   }
   std::vector<NamedValue> parameters(const Robot&, int unit, const Eigen::VectorXd& c,

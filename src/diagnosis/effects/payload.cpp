@@ -14,10 +14,8 @@ class Payload : public Hypothesis {
   Scope scope() const override { return Scope::arm; }
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd&) const override {
     ColumnBlock block;
-    for (int j = 0; j < motion.joints(); ++j) {
-      block.channels.push_back(j);
-      block.values.push_back(motion.link_columns(motion.joints() - 1, j));
-    }
+    block.values = motion.link_columns(motion.joints() - 1);
+    for (int j = 0; j < motion.joints(); ++j) block.channels.push_back(j);
     return block;
   }
   std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,

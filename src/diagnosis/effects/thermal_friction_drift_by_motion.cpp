@@ -34,7 +34,7 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {
     const Eigen::VectorXd& speed = motion.speed.col(j);
     Eigen::VectorXd torque(motion.samples());
-    double heat = 0.0;
+    double heat = motion.worked[j];
     for (Eigen::Index i = 0; i < torque.size(); ++i) {
       torque[i] = speed[i] * std::exp(-heat / shape[0]);
       heat += speed[i] * speed[i] / motion.rate;
