@@ -160,6 +160,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.floor = everything.white_floor;
   for (const Joint& joint : nominal.joints) out.unit.push_back(joint_units(joint.type).torque);
   const std::vector<DataIssue> invalid = unusable(logs, out.logs);
+  out.answerable = can_answer(nominal, logs, out.logs);
   for (PreparedLog& log : out.logs) log.segments.clear();
   if (!out.conventions.conventions.empty()) {
     refuse(everything, parts.to_judge, Verdict::misread, out);

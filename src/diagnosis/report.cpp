@@ -11,6 +11,7 @@
 #include "base/plot.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
+#include "report_answerable.hpp"
 
 namespace dynid {
 namespace {
@@ -380,10 +381,12 @@ class Page {
          << (sentence.size() > 120 ? "</span><h1 class=\"long\">" : "</span><h1>") << escaped(sentence)
          << "</h1></header>\n";
     figures();
-    out_ << "<nav aria-label=\"Sections\"><a href=\"#effects\">Effects</a><a href=\"#where\">Where</a>"
+    out_ << "<nav aria-label=\"Sections\"><a href=\"#answerable\">Log</a><a href=\"#effects\">Effects</a><a "
+            "href=\"#where\">Where</a>"
             "<a href=\"#residual\">Over time</a><a href=\"#shrink\">Shrink</a><a href=\"#replay\">Replay</a>"
             "<a href=\"#ranking\">Ranking</a><a href=\"#data\">Data</a><a href=\"#next\">Next</a>"
             "<a href=\"#reproduce\">Reproduce</a></nav>\n";
+    out_ << detail::answerable_section(d_);
     effects();
     where();
     residual();
