@@ -3,6 +3,7 @@
 // Records a robot's joint states, by itself or while it has the robot make an exciting motion, and
 // identifies, retrieves and diagnoses what they say as the program `dynid` does; or does so with a bag,
 // without a roscore. See docs/nodes.md.
+#include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
@@ -106,7 +107,7 @@ Texts command_line(int argc, char** argv) {
   return options;
 }
 
-/// As text, whatever its type; empty for lists and groups.
+/// As text, whatever its type; empty for groups.
 std::string text_of(XmlRpc::XmlRpcValue value) {
   std::ostringstream text;
   text.precision(17);
@@ -121,6 +122,9 @@ std::string text_of(XmlRpc::XmlRpcValue value) {
       break;
     case XmlRpc::XmlRpcValue::TypeString:
       return std::string(value);
+    case XmlRpc::XmlRpcValue::TypeArray:  // `[x, y, z]`; TextParameters says what is wrong with others
+      for (int i = 0; i < value.size(); ++i) text << (i == 0 ? "[" : ",") << text_of(value[i]);
+      return value.size() > 0 ? text.str() + "]" : "";
     default:
       break;
   }
@@ -167,6 +171,7 @@ class IdentificationNode {
   void serve(const std::string& name, std::string (IdentificationNode::*what)());
 
   void tick();
+  void diagnose_reading(diagnostic_updater::DiagnosticStatusWrapper& status);
   void watch_recording();
   /// Ends the recording and saves it; `trouble` is why it ended before its time. The mutex is held.
   void end_recording(const std::string& trouble);
@@ -186,6 +191,7 @@ class IdentificationNode {
   ros::Subscriber states_;
   ros::AsyncSpinner states_spinner_{1, &states_queue_};
   ros::SteadyTimer timer_;
+  diagnostic_updater::Updater updater_;
 
   std::mutex mutex_;  // of what follows
   std::atomic<State> state_{State::idle};
@@ -197,6 +203,7 @@ class IdentificationNode {
   ros::Time commanded_;  // stamp of the last state before the command
   bool identify_next_ = false, adopt_next_ = false, waiting_to_start_ = false;
   nlohmann::json result_;
+  std::string misread_;  // how the last log is to be read; empty: as it stands
   std::string last_line_;
   std::thread worker_;
   std::atomic<bool> cancel_{false};
@@ -229,6 +236,8 @@ IdentificationNode::IdentificationNode() {
   } catch (const Error& error) {
     parameters_.refuse("model", error.what());
   }
+  const Eigen::VectorXd gravity = parameters_.numbers("gravity", 3, {-100.0, 100.0});
+  if (gravity.size() == 3) robot_.gravity = gravity;
   timeout_ = parameters_.number("timeout", 1.0, positive);
   duration_ = parameters_.number("duration", 600.0, positive);
   tolerance_ = parameters_.number("tracking_tolerance", 0.3, positive);
@@ -257,6 +266,8 @@ IdentificationNode::IdentificationNode() {
   options.transport_hints = ros::TransportHints().tcpNoDelay();
   states_ = node_.subscribe(options);
   states_spinner_.start();
+  updater_.setHardwareID(robot_.name);
+  updater_.add("log", this, &IdentificationNode::diagnose_reading);
   timer_ = node_.createSteadyTimer(ros::WallDuration(0.05), [this](const ros::SteadyTimerEvent&) { tick(); });
   say("idle: waiting for ~start");
 }
@@ -422,6 +433,7 @@ std::string IdentificationNode::adopt() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (state_ == State::identifying) throw Error("not now: identifying");
+    if (!misread_.empty()) throw Error("not from a log that is misread: " + misread_);
     if (result_.is_object()) model = result_.value("adoptable", "");
   }
   if (model.empty()) throw Error("there is no identified model to adopt: ~identify first");
@@ -455,6 +467,7 @@ std::string IdentificationNode::adopt() {
 }
 
 void IdentificationNode::tick() {
+  updater_.update();  // at its own period
   bool start_now = false, adopt_now = false;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -476,6 +489,16 @@ void IdentificationNode::tick() {
   } catch (const Error& error) {
     fail(error.what());
   }
+}
+
+void IdentificationNode::diagnose_reading(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  using Level = diagnostic_msgs::DiagnosticStatus;
+  if (!misread_.empty())
+    status.summary(Level::ERROR, misread_);
+  else
+    status.summary(Level::OK, result_.is_object() ? "read as it stands, or as assumed" : "no log yet");
+  status.add("state", name(state_));
 }
 
 void IdentificationNode::watch_recording() {
@@ -604,7 +627,9 @@ void IdentificationNode::run() {
   result["adopted"] = nullptr;
   const std::lock_guard<std::mutex> lock(mutex_);
   result_ = result;
-  adopt_next_ = parameters_.flag("auto_adopt", false);
+  misread_ = result["misread"];
+  if (!misread_.empty()) ROS_ERROR_STREAM(bag_ << ": " << misread_);
+  adopt_next_ = parameters_.flag("auto_adopt", false) && misread_.empty();
   state_ = State::idle;
   std_msgs::Float32 whole;
   whole.data = 1.0F;

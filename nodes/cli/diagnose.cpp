@@ -7,6 +7,7 @@
 #include "cli/commands.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/number.hpp"
+#include "dynid/model/model_warning.hpp"
 #include "dynid/model/yaml.hpp"
 
 namespace dynid {
@@ -55,6 +56,9 @@ int run(const Arguments& a) {
   Output silent = a.output;
   silent.quiet = true;
   job.nominal = a.model.read(silent).robot;
+  if (!a.output.quiet)
+    for (const ModelWarning& warning : check_model(job.nominal))
+      std::cerr << "dynid: warning: " << a.model.path << ": " << warning.text << "\n";
   Progress progress(a.output);
   if (!a.reference.empty()) job.reference = a.input.read(a.reference, job.nominal);
   job.logs = read_logs(a.input, a.logs, job.nominal, progress);

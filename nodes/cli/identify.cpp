@@ -56,9 +56,9 @@ void run(const Arguments& a) {
   job.assume = a.assume;
   Progress progress(a.output);
   job.logs = read_logs(a.input, a.logs, job.robot, progress);
-  if (a.friction_only && !a.assume.empty()) throw Error("--assume does not go with --friction-only");
   if (a.friction_only)
-    return write(a, run(FrictionJob{job.robot, job.source, job.logs, job.options}, progress.context()));
+    return write(
+        a, run(FrictionJob{job.robot, job.source, job.logs, job.options, job.assume}, progress.context()));
   job.validation = read_logs(a.input, a.validation, job.robot, progress);
   write(a, run(job, progress.context()));
 }

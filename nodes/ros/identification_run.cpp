@@ -8,6 +8,8 @@
 #include "dynid/app/text.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/model/model_warning.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/model/yaml.hpp"
 #include "ros/bag.hpp"
@@ -25,6 +27,10 @@ Robot read_nominal(const IdentificationSettings& s, bool tell) {
     for (const Inconsistency& rule : broken)
       std::cerr << "identification_node: warning: " << s.model << ": link '" << rule.link << "' (joint "
                 << rule.joint << "): " << rule.rule << ", margin " << rule.margin << "\n";
+  if (s.gravity) robot.gravity = *s.gravity;
+  if (tell)
+    for (const ModelWarning& warning : check_model(robot))
+      std::cerr << "identification_node: warning: " << s.model << ": " << warning.text << "\n";
   return robot;
 }
 
@@ -32,9 +38,16 @@ Robot read_nominal(const IdentificationSettings& s, bool tell) {
 Log read_any_log(const IdentificationSettings& s, const std::string& path, const Robot& robot,
                  const Context& context) {
   context.report("reading " + path, 0.0);
-  if (fs::path(path).extension() != ".bag") return read_log(path, robot.size());
   std::vector<std::string> names;
   for (const Joint& joint : robot.joints) names.push_back(joint.name);
+  if (fs::path(path).extension() != ".bag") {
+    LogOptions options;
+    options.joints = robot.size();
+    options.joint_names = names;
+    if (!s.columns.empty()) options.columns = parse_columns(s.columns);
+    options.rate = s.log_rate;
+    return read_log(path, options);
+  }
   std::string warning;
   Log log = read_bag(path, names, s.topic, {}, &warning);
   if (!warning.empty()) std::cerr << "identification_node: warning: " << warning << "\n";
@@ -72,6 +85,12 @@ std::string diagnose_line(const IdentificationSettings& s, const std::string& lo
   command.logs = {log};
   command.reference = s.reference;
   if (s.topic != IdentificationSettings().topic) command.topic = s.topic;
+  command.assume = s.job.diagnose->assume;
+  if (s.gravity)
+    command.gravity = exact_number(s.gravity->x()) + "," + exact_number(s.gravity->y()) + "," +
+                      exact_number(s.gravity->z());
+  command.columns = s.columns;
+  command.rate = s.log_rate;
   command.withhold = s.job.diagnose->withhold;
   command.tolerance = s.job.diagnose->options.tolerance;
   command.seed = s.job.diagnose->options.seed;
@@ -81,6 +100,12 @@ std::string diagnose_line(const IdentificationSettings& s, const std::string& lo
 }
 
 }  // namespace
+
+std::string misread_text(const ConventionReport& report) {
+  std::string text;
+  for (const Convention& c : report.conventions) text += (text.empty() ? "" : "; ") + c.text;
+  return text.empty() ? text : text + ": give ~assume " + report.assume + " (or auto)";
+}
 
 std::string file_in_folder(const IdentificationSettings& settings, const std::string& name) {
   return (fs::path(settings.folder) / name).string();
@@ -153,6 +178,10 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
     if (summary != nullptr) print(*summary, report);
   };
   const PipelineReport report = run(job, context);
+  const ConventionReport& read =
+      report.diagnose ? report.diagnose->diagnosis.conventions : report.identify.conventions;
+  result["misread"] = job.identify.assume.empty() ? misread_text(read) : "";
+  if (result["misread"] != "") result["adoptable"] = "";
   result["status"] = report.succeeded() ? 0 : 1;
   write_json(path("result.json"), result);
   return result;

@@ -23,9 +23,14 @@ Trajectory find_motion(const IdentificationSettings& settings, const Context& co
 /// Identifies, retrieves and diagnoses the log in a file (a bag or CSV), as the settings ask, and writes the
 /// files of docs/nodes.md, each whole or not at all and as its step ends. `summary`, if given, takes the
 /// summaries of the program. Returns what result.json holds: `{"status": 0|1, "log", "files": {...},
-/// "adoptable", "identification", "retrieval", "diagnosis"}`, the last two null where they were not asked
-/// for. Throws Error and Stopped; the files of the steps before stay.
+/// "adoptable", "misread", "identification", "retrieval", "diagnosis"}`, the last two null where they were
+/// not asked for. Throws Error and Stopped; the files of the steps before stay. Where the log does not mean
+/// what the model takes it to mean and no `assume` was given, `misread` says how (else it is empty), and
+/// nothing is adoptable.
 nlohmann::json identify_log(const IdentificationSettings& settings, const std::string& log,
                             const Context& context, std::ostream* summary);
+
+/// One line: what the log means instead, and the ~assume to give; empty where there is nothing to say.
+std::string misread_text(const ConventionReport& report);
 
 }  // namespace dynid

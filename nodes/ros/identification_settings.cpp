@@ -3,10 +3,23 @@
 
 #include "dynid/app/choices.hpp"
 #include "dynid/app/option_error.hpp"
+#include "dynid/base/error.hpp"
 #include "ros/text_parameters.hpp"
 
 namespace dynid {
 namespace {
+
+void read_log_options(TextParameters& in, IdentificationSettings& s) {
+  in.read("columns", s.columns);
+  in.read("log_rate", s.log_rate);
+  in.read("gravity", s.gravity);
+  if (s.columns.empty()) return;
+  try {
+    parse_columns(s.columns);
+  } catch (const Error& error) {
+    throw OptionError("columns", error.what());
+  }
+}
 
 void read_identify(TextParameters& in, IdentificationSettings& s) {
   IdentifyOptions& o = s.job.identify.options;
@@ -78,10 +91,13 @@ IdentificationSettings identification_settings(const std::map<std::string, std::
     in.read("allow_inconsistent", s.allow_inconsistent);
     in.read("output_directory", s.folder);
     in.read("topic", s.topic);
+    read_log_options(in, s);
     read_identify(in, s);
     read_retrieve(in, s);
     read_diagnose(in, s);
     read_excite(in, s);
+    in.read("assume", s.job.identify.assume);
+    if (s.job.diagnose) s.job.diagnose->assume = s.job.identify.assume;
     check_options(s.job);
     check_options(s.excite);
   } catch (const OptionError& error) {

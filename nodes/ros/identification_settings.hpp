@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,7 +18,10 @@ struct IdentificationSettings {
   std::string model, base, tip;  ///< the model in use; links, for a URDF that branches
   bool allow_inconsistent = false;
   std::string folder = "identification";
-  std::string topic = "/joint_states";                          ///< of logs that are bags
+  std::string topic = "/joint_states";     ///< of logs that are bags
+  std::string columns;                     ///< of logs that are CSV, as --columns
+  double log_rate = 0.0;                   ///< [Hz] of a CSV log without time; 0: it has time
+  std::optional<Eigen::Vector3d> gravity;  ///< [m/s^2] in the base frame: how the arm is mounted
   std::string bounds, prior, validation, reference, collision;  ///< files; empty: none
   /// Options of the steps. `retrieve` is there where `bounds` are, `diagnose` unless it was turned off.
   PipelineJob job;

@@ -9,6 +9,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
+#include "ros/text_parameters.hpp"
 
 namespace dynid {
 
@@ -136,6 +137,12 @@ Eigen::VectorXd Parameters::numbers(const std::string& name, int count, const Ra
         refuse(name, "entry " + std::to_string(i + 1) + ": a number is needed, this is " + kind(value[i]));
       all[i] = number_of(value[i]);
     }
+  } else if (value.getType() == XmlRpcValue::TypeString) {
+    const auto numbers = numbers_in(value);
+    if (!numbers)
+      refuse(name, "a list of numbers is needed, such as [0, 0, -9.81], this is the text '" +
+                       std::string(value) + "'");
+    all = Eigen::Map<const Eigen::VectorXd>(numbers->data(), static_cast<Eigen::Index>(numbers->size()));
   } else {
     refuse(name, std::string("a list of numbers is needed, this is ") + kind(value));
   }

@@ -33,7 +33,7 @@ class Parameters {
   std::string required_text(const std::string& name) const;
   std::vector<std::string> texts(const std::string& name) const;  ///< empty where not set
   /// `count` numbers (any number of them where count < 0), each in `range`; a single number gives one. Empty
-  /// where not set.
+  /// where not set. A text that is such a list is read too.
   Eigen::VectorXd numbers(const std::string& name, int count, const Range& range) const;
   /// One of `choices`; `usual` where not set.
   std::string choice(const std::string& name, const std::string& usual,

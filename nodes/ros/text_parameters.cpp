@@ -2,6 +2,9 @@
 #include "ros/text_parameters.hpp"
 
 #include <charconv>
+#include <sstream>
+
+#include "dynid/base/number.hpp"
 
 namespace dynid {
 namespace {
@@ -17,6 +20,21 @@ T parsed(const std::string& name, const std::string& text, const char* kind) {
 }
 
 }  // namespace
+
+std::optional<std::vector<double>> numbers_in(std::string text) {
+  const auto blank = [](unsigned char c) { return std::isspace(c) != 0; };
+  text.erase(std::remove_if(text.begin(), text.end(), blank), text.end());
+  if (text.size() >= 2 && text.front() == '[' && text.back() == ']') text = text.substr(1, text.size() - 2);
+  std::vector<double> all;
+  std::istringstream parts(text);
+  for (std::string part; std::getline(parts, part, ',');) {
+    double value = 0.0;
+    if (!parse_number(part, value)) return std::nullopt;
+    all.push_back(value);
+  }
+  if (all.empty() || text.back() == ',') return std::nullopt;
+  return all;
+}
 
 bool TextParameters::find(const std::string& name, std::string& text) {
   asked_.insert(name);
@@ -54,6 +72,14 @@ void TextParameters::read(const std::string& name, unsigned& value) {
 void TextParameters::read(const std::string& name, std::uint64_t& value) {
   std::string text;
   if (find(name, text)) value = parsed<std::uint64_t>(name, text, "a whole number from 0");
+}
+
+void TextParameters::read(const std::string& name, std::optional<Eigen::Vector3d>& value) {
+  std::string text;
+  if (!find(name, text)) return;
+  const auto numbers = numbers_in(text);
+  if (!numbers || numbers->size() != 3) throw OptionError(name, text + " is not three numbers, [x, y, z]");
+  value = Eigen::Map<const Eigen::Vector3d>(numbers->data());
 }
 
 std::vector<std::string> TextParameters::unread() const {

@@ -2,6 +2,8 @@
 #include "app/check.hpp"
 
 #include <cmath>
+#include <cstdio>
+#include <utility>
 
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
@@ -36,6 +38,20 @@ Assumptions assumptions(const std::string& text, int joints) {
   } catch (const Error& error) {
     throw OptionError("assume", error.what());
   }
+}
+
+AssumedReading read_as_assumed(const std::string& assume, Robot& robot, std::vector<Log>& logs,
+                               std::vector<Log>& others) {
+  AssumedReading out;
+  if (assume.empty() || assume == "auto") out.conventions = find_conventions(robot, logs);
+  const std::string text = assume == "auto" ? out.conventions.assume : assume;
+  if (text.empty()) return out;
+  const Assumptions assumed = assumptions(text, robot.size());
+  robot = apply_conventions(assumed, robot);
+  for (std::vector<Log>* list : {&logs, &others})
+    for (Log& log : *list) log = apply_conventions(assumed, robot, std::move(log));
+  out.applied = true;
+  return out;
 }
 
 }  // namespace detail

@@ -11,6 +11,7 @@
 #include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/identification/identify.hpp"
+#include "dynid/model/model_warning.hpp"
 
 namespace dynid {
 namespace {
@@ -25,6 +26,15 @@ bool take_out(const std::string& name, Robot& nominal) {
     return false;
   }
   return true;
+}
+
+/// What is odd about the model stands first among the issues: its placeholders come out as effects.
+void add_model_warnings(const Robot& nominal, Diagnosis& diagnosis) {
+  std::vector<DataIssue> issues;
+  for (const ModelWarning& w : check_model(nominal))
+    issues.push_back({w.name, w.joints, w.value, "1", w.text});
+  std::vector<DataIssue>& all = diagnosis.logs.front().report.issues;
+  all.insert(all.begin(), issues.begin(), issues.end());
 }
 
 std::string in_json(double value) { return nlohmann::json(value).dump(); }
@@ -81,6 +91,7 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
   detail::JobProgress progress(search);
   options.progress = std::ref(progress);
   report.diagnosis = diagnose(report.nominal, assumed_logs.empty() ? job.logs : assumed_logs, options);
+  add_model_warnings(job.nominal, report.diagnosis);
   context.check();
   return report;
 }

@@ -80,8 +80,24 @@ nlohmann::json gap_json(const Diagnosis& d) {
           {"smallest_visible", visible_json(d)}};
 }
 
+nlohmann::json answerable_json(const Answerable& a) {
+  nlohmann::json joints = nlohmann::json::array(), blind = nlohmann::json::array();
+  for (const JointExcitation& e : a.joints)
+    joints.push_back({{"travel", e.travel},
+                      {"speed", e.speed},
+                      {"moving", e.moving},
+                      {"reversals", e.reversals},
+                      {"load", e.load},
+                      {"swing", e.swing}});
+  for (const Blindness& b : a.blind)
+    blind.push_back({{"name", b.name}, {"joints", b.joints}, {"text", b.text}});
+  return {{"duration_s", a.duration}, {"rate_hz", a.rate_hz}, {"band_hz", a.band_hz},
+          {"channels", a.channels},   {"joints", joints},     {"not_seen", blind}};
+}
+
 nlohmann::json data_json(const Diagnosis& d) {
   nlohmann::json data = to_json(d.logs);
+  data["answerable"] = answerable_json(d.answerable);
   data["conventions"] = conventions_json(d.conventions);
   data["logs"] = nlohmann::json::array();
   for (const PreparedLog& log : d.logs)

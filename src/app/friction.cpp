@@ -18,7 +18,12 @@ FrictionReport run(const FrictionJob& job, const Context& context) {
   IdentifyOptions options = job.options;
   options.progress = std::ref(progress);
   FrictionReport report;
-  report.friction = identify_friction(job.robot, job.logs, job.options.friction, options);
+  Robot robot = job.robot;
+  std::vector<Log> logs = job.logs, none;
+  const detail::AssumedReading reading = detail::read_as_assumed(job.assume, robot, logs, none);
+  report.conventions = reading.conventions;
+  report.conventions_applied = reading.applied;
+  report.friction = identify_friction(robot, logs, job.options.friction, options);
   report.law = job.options.friction;
   report.source = job.source;
   report.seconds = watch.seconds();

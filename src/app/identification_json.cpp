@@ -110,6 +110,7 @@ nlohmann::json to_json(const FrictionReport& report) {
           {"rmse", to_json(fitted.after.rmse)},
           {"relative_error_percent", fitted.after.relative_error_percent},
           {"friction_laws", comparison_json(fitted.comparison)},
+          {"data", {{"conventions", conventions_json(report.conventions)}}},
           {"seconds", report.seconds}};
 }
 

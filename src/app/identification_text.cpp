@@ -30,6 +30,12 @@ void print_issues(std::ostream& out, const std::vector<PreparedLog>& logs, int j
     }
 }
 
+void print_conventions(std::ostream& out, const ConventionReport& report, bool applied) {
+  for (const Convention& c : report.conventions)
+    out << (applied ? "Read as assumed: " : "Warning: ") << c.text
+        << (applied ? "" : ": give --assume " + report.assume) << "\n";
+}
+
 }  // namespace
 
 std::string in_a_row(const Eigen::Ref<const Eigen::VectorXd>& x, int digits) {
@@ -94,9 +100,7 @@ void print(std::ostream& out, const IdentifyReport& report) {
     out << "  joint " << c.joint << ": " << word_for(friction_laws(), c.chosen) << " friction (held-out rms "
         << c.linear << " linear, " << c.sigmoid << " sigmoid)\n";
   print(out, id.coefficients);
-  for (const Convention& c : report.conventions.conventions)
-    out << (report.conventions_applied ? "Read as assumed: " : "Warning: ") << c.text
-        << (report.conventions_applied ? "" : ": give --assume " + report.conventions.assume) << "\n";
+  print_conventions(out, report.conventions, report.conventions_applied);
   for (const Remark& r : id.remarks) out << "Warning: " << r.text << "\n";
   print_consistency(out, report.source, report.physically_consistent);
 }
@@ -106,6 +110,7 @@ void print(std::ostream& out, const FrictionReport& report) {
       << word_for(friction_laws(), report.law) << " law\n"
       << "  rms before [N m]: " << in_a_row(report.friction.before.rmse) << "\n"
       << "  rms after  [N m]: " << in_a_row(report.friction.after.rmse) << "\n";
+  print_conventions(out, report.conventions, report.conventions_applied);
 }
 
 void print(std::ostream& out, const ReverseReport& report) {

@@ -20,15 +20,9 @@ IdentifyReport run(const IdentifyJob& job, const Context& context) {
   IdentifyReport report;
   Robot robot = job.robot;
   std::vector<Log> logs = job.logs, validation = job.validation;
-  if (job.assume.empty() || job.assume == "auto") report.conventions = find_conventions(robot, logs);
-  const std::string assume = job.assume == "auto" ? report.conventions.assume : job.assume;
-  if (!assume.empty()) {
-    const Assumptions assumed = detail::assumptions(assume, robot.size());
-    robot = apply_conventions(assumed, robot);
-    for (std::vector<Log>* list : {&logs, &validation})
-      for (Log& log : *list) log = apply_conventions(assumed, robot, std::move(log));
-    report.conventions_applied = true;
-  }
+  const detail::AssumedReading reading = detail::read_as_assumed(job.assume, robot, logs, validation);
+  report.conventions = reading.conventions;
+  report.conventions_applied = reading.applied;
   report.identification = identify(robot, logs, validation, options);
   report.source = job.source;
   for (const Log& log : job.logs) report.logs.push_back(log.source);

@@ -286,6 +286,10 @@ std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
 
   json view = head_view(diagnosis, context, files);
   view["figures"] = figures_view(json_of, worst.empty() ? 0 : worst.front());
+  view["answerable"] = answerable_view(json_of);
+  view["answerable"]["assume"] = diagnosis.conventions.assume;
+  view["answerable"]["runner_up"] = diagnosis.conventions.runner_up;
+  view["answerable"]["runner_up_explained"] = page_percent(diagnosis.conventions.runner_up_explained);
   add_effects_view(json_of, view);
   add_where_view(json_of, view);
   view["residual"] = residual_view(diagnosis, json_of, held, worst, files);

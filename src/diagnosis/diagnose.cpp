@@ -156,6 +156,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
 
   say("nominal model", 0.05);
   const std::vector<DataIssue> invalid = unusable(logs, out.logs);
+  out.answerable = can_answer(nominal, logs, out.logs);
   GapRows everything(nominal, out.logs);
   const int count = static_cast<int>(logs.size());
   const bool longer = everything.size() > options.criteria.searched_rows;

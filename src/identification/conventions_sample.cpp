@@ -203,7 +203,7 @@ double ConventionSample::scale(int k, int j, const Eigen::MatrixXd& T, double& c
 }
 
 Eigen::Vector3d ConventionSample::fit(const Reading& reading, int j, const Eigen::VectorXd& r,
-                                      double& left) const {
+                                      double most_rotor, double& left) const {
   const int k = reading.order[j];
   const Eigen::VectorXd centred = r.array() - r.mean();
   const Eigen::Vector3d b = reading.sign[j] * (friction_[k].transpose() * centred);
@@ -211,7 +211,7 @@ Eigen::Vector3d ConventionSample::fit(const Reading& reading, int j, const Eigen
   const double whole = centred.squaredNorm();
   const double unit = revolute_[j] ? reading.position_unit : 1.0;
   Eigen::Vector3d best;
-  left = least_residual(G, b, whole, most_rotor_[j] * unit / (reading.time_unit * reading.time_unit), best);
+  left = least_residual(G, b, whole, most_rotor * unit / (reading.time_unit * reading.time_unit), best);
   return best;
 }
 
@@ -219,14 +219,22 @@ double ConventionSample::residual(const Reading& reading, int j, const Eigen::Ma
                                   double factor) const {
   const int k = reading.order[j];
   double left = 0.0;
-  fit(reading, j, torque_sign * factor * tau_.col(k) - T.col(j), left);
+  fit(reading, j, torque_sign * factor * tau_.col(k) - T.col(j), most_rotor_[j], left);
   return energy_[k] > 0.0 ? left / (factor * factor * energy_[k]) : 1.0;
+}
+
+double ConventionSample::bare_part(const Reading& reading, int j, const Eigen::MatrixXd& T) const {
+  const Eigen::VectorXd tau = reading.torque_sign[j] * tau_.col(reading.order[j]);
+  double with = 0.0, without = 0.0;
+  fit(reading, j, tau, 0.0, without);
+  fit(reading, j, tau - T.col(j), 0.0, with);
+  return without > 0.0 ? with / without : 1.0;
 }
 
 Eigen::VectorXd ConventionSample::fitted(const Reading& reading, int j,
                                          const Eigen::VectorXd& residual) const {
   double left = 0.0;
-  const Eigen::Vector3d x = fit(reading, j, residual, left);
+  const Eigen::Vector3d x = fit(reading, j, residual, most_rotor_[j], left);
   const int k = reading.order[j];
   return reading.sign[j] * (friction_[k] * x);
 }

@@ -45,7 +45,10 @@ class ConventionSample {
   /// rotor inertia, not negative, are fitted.
   double residual(const Reading& reading, int j, const Eigen::MatrixXd& T, double torque_sign,
                   double factor) const;
-  /// The same, friction and rotor of either sign: the quick bound that searches use.
+  /// Of what offset and friction alone leave of the torque, the part that is left with T taken off too, no
+  /// rotor inertia fitted to either.
+  double bare_part(const Reading& reading, int j, const Eigen::MatrixXd& T) const;
+  /// As residual(), friction and rotor of either sign: the quick bound that searches use.
   double quick_residual(int j, int k, const Eigen::MatrixXd& T, double torque_sign) const;
   /// Factor a with torque of column k = a T_j + friction; and the correlation.
   double scale(int k, int j, const Eigen::MatrixXd& T, double& correlation) const;
@@ -57,7 +60,8 @@ class ConventionSample {
   Eigen::VectorXd fitted(const Reading& reading, int j, const Eigen::VectorXd& residual) const;
 
  private:
-  Eigen::Vector3d fit(const Reading& reading, int j, const Eigen::VectorXd& r, double& left) const;
+  Eigen::Vector3d fit(const Reading& reading, int j, const Eigen::VectorXd& r, double most_rotor,
+                      double& left) const;
 
   int n_ = 0;
   Eigen::Index blocks_ = 0;

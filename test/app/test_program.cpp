@@ -76,7 +76,7 @@ TEST_F(Program, SaysWhatTheUseCasesSay) {
             plain(to_json(identified)));
   EXPECT_EQ(read_file(path("m.yaml")), to_yaml(identified.model()));
 
-  const FrictionReport friction = run(FrictionJob{panda, panda_, {log}, identify.options});
+  const FrictionReport friction = run(FrictionJob{panda, panda_, {log}, identify.options, ""});
   EXPECT_EQ(
       plain(json_of("identify --friction-only --cutoff 10 --robot " + panda_ + " --log " + path("log.csv"))),
       plain(to_json(friction)));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every use case: what it tells, how it stops, which options it refuses.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <functional>
@@ -19,6 +20,8 @@
 #include "dynid/app/reverse.hpp"
 #include "dynid/app/simulate.hpp"
 #include "dynid/app/torque.hpp"
+#include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/retrieval/bounds.hpp"
 
@@ -160,7 +163,8 @@ TEST(Stop, IsSeenByEveryUseCaseBeforeItBegins) {
   const Context context = listener.context();
   const IdentifyJob identify = test::identify_job();
   EXPECT_THROW(run(identify, context), Stopped);
-  EXPECT_THROW(run(FrictionJob{identify.robot, "panda", identify.logs, identify.options}, context), Stopped);
+  EXPECT_THROW(run(FrictionJob{identify.robot, "panda", identify.logs, identify.options, ""}, context),
+               Stopped);
   EXPECT_THROW(run(ReverseJob{identify.robot, "panda", {}, {}}, context), Stopped);
   EXPECT_THROW(run(TorqueJob{identify.robot, identify.logs.front()}, context), Stopped);
   EXPECT_THROW(run(test::retrieve_job(), context), Stopped);
@@ -366,6 +370,110 @@ TEST(Diagnose, NamesThePatchAndTheCommand) {
   EXPECT_EQ(command.line(),
             "dynid diagnose --model 'my arm.yaml' --log a.csv 'it'\\''s.csv' --cutoff 8.0 --report r.html");
   EXPECT_NE(report.html("the command", "1").find("the command"), std::string::npos);
+}
+
+// --------------------------------------------------------------------------------------- how a log is read
+
+TEST(Assume, FrictionOfATurnedLogIsThatOfTheRightOne) {
+  const IdentifyJob identify = test::identify_job();
+  const FrictionReport right = run(FrictionJob{identify.robot, "panda", identify.logs, identify.options, ""});
+  EXPECT_TRUE(right.conventions.conventions.empty()) << right.conventions.assume;
+  std::vector<Log> turned = identify.logs;
+  for (Log& log : turned) log.tau = -log.tau;
+  for (const char* assume : {"torque_sign=-1", "auto"}) {
+    const FrictionReport read = run(FrictionJob{identify.robot, "panda", turned, identify.options, assume});
+    EXPECT_TRUE(read.conventions_applied);
+    EXPECT_EQ(to_yaml(read.model()), to_yaml(right.model())) << assume;
+  }
+  const FrictionReport warned = run(FrictionJob{identify.robot, "panda", turned, identify.options, ""});
+  EXPECT_FALSE(warned.conventions_applied);
+  EXPECT_EQ(warned.conventions.assume, "torque_sign=-1");
+}
+
+/// The same numbers as twelve programs write them.
+std::vector<std::pair<std::string, std::string>> twelve_dialects(const Log& log) {
+  const int n = log.joints();
+  struct Form {
+    const char *name, *separator, *end, *quote, *before;
+    char point;
+    std::vector<std::string> words;  // of time, q, dq, tau; # is the joint
+    int first;
+  };
+  const std::vector<std::string> plain = {"t", "q#", "dq#", "tau#"};
+  const std::vector<Form> forms = {
+      {"commas", ",", "\n", "", "", '.', plain, 1},
+      {"semicolons", ";", "\n", "", "", '.', plain, 1},
+      {"tabs", "\t", "\n", "", "", '.', plain, 1},
+      {"blanks", "  ", "\n", "", "", '.', plain, 1},
+      {"decimal comma", ";", "\n", "", "", ',', plain, 1},
+      {"carriage returns", ",", "\r\n", "", "", '.', plain, 1},
+      {"quotes", ",", "\n", "\"", "", '.', plain, 1},
+      {"byte order mark", ",", "\n", "", "\xEF\xBB\xBF", '.', plain, 1},
+      {"trailing separator", ",", ",\n", "", "", '.', plain, 1},
+      {"from zero", ",", "\n", "", "# noon\n", '.', {"time", "q_#", "qd_#", "effort_#"}, 0},
+      {"PlotJuggler",
+       ",",
+       "\n",
+       "",
+       "",
+       '.',
+       {"__time", "/joint_states/panda_joint#/position", "/joint_states/panda_joint#/velocity",
+        "/joint_states/panda_joint#/effort"},
+       1},
+      {"RTDE",
+       " ",
+       "\n",
+       "",
+       "",
+       '.',
+       {"timestamp", "actual_q_#", "actual_qd_#", "actual_current_as_torque_#"},
+       0}};
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const Form& form : forms) {
+    std::string text = form.before;
+    const auto cell = [&](const std::string& value, bool first) {
+      text += (first ? "" : form.separator) + (form.quote + value) + form.quote;
+    };
+    const auto number = [&](double x) {
+      std::string value = exact_number(x);
+      if (const auto at = value.find('.'); at != std::string::npos) value[at] = form.point;
+      return value;
+    };
+    cell(form.words[0], true);
+    for (std::size_t role = 1; role < 4; ++role)
+      for (int j = 0; j < n; ++j) {
+        std::string word = form.words[role];
+        cell(word.replace(word.find('#'), 1, std::to_string(j + form.first)), false);
+      }
+    text += form.end;
+    for (Eigen::Index i = 0; i < log.samples(); ++i) {
+      cell(number(log.t[i]), true);
+      for (const Eigen::MatrixXd* x : {&log.q, &log.dq, &log.tau})
+        for (int j = 0; j < n; ++j) cell(number((*x)(i, j)), false);
+      text += form.end;
+    }
+    out.emplace_back(form.name, text);
+  }
+  return out;
+}
+
+TEST(Assume, TwelveDialectsOfALogGiveTheSameModelToTheByte) {
+  Log log = test::small_log();
+  log.ddq.resize(0, 0);
+  const std::string path = ::testing::TempDir() + "dynid_twelve_" + std::to_string(::getpid()) + ".csv";
+  std::string model;
+  const auto dialects = twelve_dialects(log);
+  EXPECT_EQ(dialects.size(), 12u);
+  for (const auto& [name, text] : dialects) {
+    write_file(path, text);
+    IdentifyJob job = test::identify_job();
+    job.logs = {read_log(path, 7)};
+    job.options.validate = false;
+    const std::string made = to_yaml(run(job).model());
+    if (model.empty()) model = made;
+    EXPECT_EQ(made, model) << name;
+  }
+  fs::remove(path);
 }
 
 }  // namespace

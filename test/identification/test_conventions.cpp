@@ -176,14 +176,14 @@ Log misread(const Assumptions& a, const Robot& robot, Log log) {
 }
 
 /// How far the nominal's torque is from the log's under the plain reading, as part of the torque's energy,
-/// over the joints: near zero where a reading makes no difference that can be seen.
-double visibility(const Robot& robot, const Log& log) {
+/// over the first `joints` (0: all): near zero where a reading makes no difference that can be seen.
+double visibility(const Robot& robot, const Log& log, int joints = 0) {
   const Eigen::MatrixXd model = predict_torque(robot, log.q, log.dq, log.ddq).tau;
   if ((model.array().square().colwise().mean() < 0.01 * log.tau.array().square().colwise().mean()).all())
     return 1e9;  // another unit of torque
   Eigen::MatrixXd rest = log.tau - predict_torque(robot, log.q, log.dq, log.ddq).tau;
   double most = 0.0;
-  for (int j = 0; j < log.joints(); ++j) {
+  for (int j = 0; j < (joints > 0 ? joints : log.joints()); ++j) {
     const Eigen::VectorXd r = rest.col(j).array() - rest.col(j).mean(),
                           y = log.tau.col(j).array() - log.tau.col(j).mean();
     most = std::max(most, r.squaredNorm() / y.squaredNorm());
@@ -300,6 +300,12 @@ int cases_from_environment(int usual) {
   return text != nullptr ? std::max(1, std::atoi(text)) : usual;
 }
 
+/// A fresh bank: DYNID_CONVENTION_SEED is where its seeds begin.
+unsigned long seed_from_environment(unsigned long usual) {
+  const char* text = std::getenv("DYNID_CONVENTION_SEED");
+  return text != nullptr ? std::strtoul(text, nullptr, 10) : usual;
+}
+
 /// Largest relative difference of two matrices' columns, constants apart.
 double apart(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   double most = 0.0;
@@ -322,18 +328,43 @@ std::set<std::string> keys_of(const std::string& text) {
   return keys;
 }
 
+/// Gravity is but an offset on every joint: none at all cannot be told from it.
+bool gravity_is_an_offset(const Robot& robot, const Log& log) {
+  Robot floating = robot;
+  floating.gravity.setZero();
+  return apart(predict_torque(floating, log.q, log.dq, log.ddq).tau,
+               predict_torque(robot, log.q, log.dq, log.ddq).tau) < 0.01;
+}
+
+/// Why no one can tell this reading on that robot from something else; empty where one can.
+std::string undecidable(const std::string& name, int joints) {
+  if (joints > 1) return "";
+  if (name == "joint_order" || name == "sign_and_order") return "there is one order";
+  if (name == "gravity") return "a zero, by another name";
+  // tau = (J ddq + friction) / k with k free: a rotor of any size.
+  if (name == "no_gravity_motor_side") return "a rotor, by another name";
+  return "";
+}
+
+/// Read back, the log is the right one to the last digits: so is every diagnosis of it.
+bool is_exact(const std::string& name) {
+  static const std::set<std::string> exact = {"torque_sign", "joint_order", "position_unit",  "velocity_unit",
+                                              "torque_unit", "time_unit",   "sign_and_order", "gravity"};
+  return exact.count(name) > 0;
+}
+
 TEST(Conventions, EveryReadingIsNamedAndReadBack) {
   const int repeats = cases_from_environment(1);
   std::map<std::string, std::array<int, 3>> table;  // named right, visible, all
+  int silent = 0;
   std::string wrong;
-  unsigned long seed = 100;
+  unsigned long seed = seed_from_environment(100);
   for (int repeat = 0; repeat < repeats; ++repeat) {
     for (const Robot& robot : robots()) {
       for (int condition = 0; condition < 3; ++condition) {
         for (const std::string& name : readings) {
           Random random(++seed);
-          if (robot.size() == 1 && (name == "joint_order" || name == "sign_and_order")) continue;
-          if (robot.size() == 1 && name == "gravity") continue;  // a zero, by another name
+          if (!undecidable(name, robot.size()).empty()) continue;
           const std::string text = draw_reading(name, robot, random);
           const Assumptions truth = parse_assumptions(text, robot.size());
           const Robot plant =
@@ -343,7 +374,9 @@ TEST(Conventions, EveryReadingIsNamedAndReadBack) {
           auto& [named, visible, all] = table[name];
           ++all;
           const bool of_motion = name == "velocity_unit" || name == "time_unit";
-          if (!of_motion && visibility(robot, log) < 1.2) continue;
+          // The zero of the last joint alone is not told from a payload.
+          const bool zero_alone = name == "joint_zero" || name == "free_zero";
+          if (!of_motion && visibility(robot, log, zero_alone ? robot.size() - 1 : 0) < 1.2) continue;
           ++visible;
           const ConventionReport report = find_conventions(robot, {log});
           bool good = !report.conventions.empty();
@@ -358,9 +391,15 @@ TEST(Conventions, EveryReadingIsNamedAndReadBack) {
             const Robot mounted = apply_conventions(truth, robot);
             good = good && visibility(mounted, back) < std::max(1.0, 1.2 * visibility(mounted, right));
             // A payload and factors that nobody knows share the torque: their names must be right.
-            if (condition == 1 && truth.torque_factor.size() > 0)
-              good = keys_of(report.assume) == keys_of(text);
+            if (condition == 1 && truth.torque_factor.size() > 0) {
+              std::set<std::string> keys = keys_of(text);
+              if (gravity_is_an_offset(robot, right)) keys.erase("torque_without_gravity");
+              good = keys_of(report.assume) == keys;
+            }
+            if (is_exact(name) && good)
+              good = apart(back.tau, right.tau) < 1e-9 && apart(back.q, right.q) < 1e-9;
           }
+          silent += report.conventions.empty();
           named += good;
           if (!good)
             wrong += "\n  " + robot.name + ", condition " + std::to_string(condition) + ", seed " +
@@ -375,8 +414,8 @@ TEST(Conventions, EveryReadingIsNamedAndReadBack) {
     std::printf("%-24s %3d of %3d visible of %3d\n", name.c_str(), counts[0], counts[1], counts[2]);
     named += counts[0], visible += counts[1];
   }
-  std::printf("named right: %d of %d\n", named, visible);
-  EXPECT_GE(named, 0.9 * visible) << wrong;
+  std::printf("named right: %d of %d; nothing said of %d\n", named, visible, silent);
+  EXPECT_GE(named, 0.97 * visible) << wrong;
   if (named < visible) std::printf("not:%s\n", wrong.c_str());
 }
 
@@ -385,7 +424,7 @@ TEST(Conventions, ImperfectRobotsAreNotMisread) {
   const int repeats = cases_from_environment(4);
   int all = 0, alarms = 0;
   std::string wrong;
-  unsigned long seed = 5000;
+  unsigned long seed = seed_from_environment(5000);
   for (int repeat = 0; repeat < repeats; ++repeat) {
     for (const Robot& robot : robots()) {
       for (int kind = 0; kind < 14; ++kind) {
@@ -554,6 +593,42 @@ TEST_F(RealLogs, ATurnedTorqueAndTurnedZerosAreSeen) {
     const ConventionReport report = find_conventions(robot, {wrong});
     EXPECT_EQ(report.assume, text);
   }
+}
+
+TEST_F(RealLogs, OtherArmsTurnedAreSeenToo) {
+  const std::string urdf = data_ + "ur10e_real/ur10e.urdf";
+  const Robot robot = read_robot(urdf, "", "", Consistency::ignore);
+  const Log log = read_log(data_ + "ur10e_real/unloaded.csv", 6);
+  for (const char* text : {"torque_sign=-1", "joint_zero=0,1.570796327,-1.570796327,0,0,0"}) {
+    const Log wrong = misread(parse_assumptions(text, 6), robot, log);
+    EXPECT_EQ(find_conventions(robot, {wrong}).assume, text);
+  }
+  // Friction of the model is not used: a placeholder's damping does not hide a reading.
+  Robot damped = robot;
+  for (Joint& joint : damped.joints) joint.friction.linear.viscous = 50.0;
+  const Log turned = misread(parse_assumptions("torque_sign=-1", 6), damped, log);
+  EXPECT_EQ(find_conventions(damped, {turned}).assume, "torque_sign=-1");
+}
+
+TEST(Conventions, AClippedJointSaysNothing) {
+  const Robot robot = robots()[1];
+  Log log = misread(parse_assumptions("torque_sign=-1", 6), robot, recorded(robot, 20.0, 100.0, 11));
+  EXPECT_EQ(find_conventions(robot, {log}).assume, "torque_sign=-1");
+  for (int j = 0; j < 6; ++j) {
+    const double most = 0.5 * log.tau.col(j).cwiseAbs().maxCoeff();
+    log.tau.col(j) = log.tau.col(j).cwiseMin(most).cwiseMax(-most).eval();
+  }
+  EXPECT_EQ(find_conventions(robot, {log}).assume, "");
+}
+
+TEST(Conventions, TheLastZeroAloneIsNotToldFromAPayload) {
+  const Robot robot = robots()[1];
+  const Log right = recorded(robot, 20.0, 100.0, 12);
+  const auto found = [&](const char* text) {
+    return find_conventions(robot, {misread(parse_assumptions(text, 6), robot, right)}).assume;
+  };
+  EXPECT_EQ(found("joint_zero=0,0,0,0,0,1.570796327"), "");
+  EXPECT_EQ(found("joint_zero=0,0,1.570796327,0,0,0"), "joint_zero=0,0,1.570796327,0,0,0");
 }
 
 // ------------------------------------------------------------------------------------------- assumptions

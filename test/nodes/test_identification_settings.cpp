@@ -38,6 +38,24 @@ TEST(IdentificationSettings, AreTheProgramsWhereNothingIsSet) {
   EXPECT_EQ(s.excite.options.starts, ExciteOptions().starts);
 }
 
+TEST(IdentificationSettings, SayHowALogIsToBeRead) {
+  for (const char* gravity : {"[0, 0, -9.81]", "0,0,-9.81", "[0,0,-9.81]"}) {
+    const IdentificationSettings s = read({{"assume", "torque_sign=-1"},
+                                           {"gravity", gravity},
+                                           {"columns", "q=pos_#,tau=trq_#"},
+                                           {"log_rate", "250"}});
+    EXPECT_EQ(s.job.identify.assume, "torque_sign=-1");
+    EXPECT_EQ(s.job.diagnose->assume, "torque_sign=-1");
+    ASSERT_TRUE(s.gravity.has_value()) << gravity;
+    EXPECT_EQ(*s.gravity, Eigen::Vector3d(0, 0, -9.81));
+    EXPECT_EQ(s.columns, "q=pos_#,tau=trq_#");
+    EXPECT_EQ(s.log_rate, 250.0);
+  }
+  for (const char* gravity : {"[0,0]", "down", "[0,0,-9.81", "0,0,-9.81,"})
+    EXPECT_THROW(read({{"gravity", gravity}}), Error) << gravity;
+  EXPECT_THROW(read({{"columns", "pos"}}), Error);
+}
+
 /// Every parameter of docs/nodes.md, at a value that is not its default.
 TEST(IdentificationSettings, TakeEveryParameterOfTheirs) {
   const IdentificationSettings s = read({{"model", "m.yaml"},

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "dynid/app/context.hpp"
+#include "dynid/identification/conventions.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/model/coefficient.hpp"
 #include "dynid/model/robot.hpp"
@@ -18,12 +19,15 @@ struct FrictionJob {
   std::string source;  ///< what the robot was read from, for messages
   std::vector<Log> logs;
   IdentifyOptions options;  ///< `friction` is the law to fit; `progress` is the context's
+  std::string assume;       ///< as IdentifyJob::assume
 };
 
 struct FrictionReport {
   TwoStageFriction friction;
   FrictionLaw law = FrictionLaw::linear;
   std::string source;
+  ConventionReport conventions;  ///< as IdentifyReport::conventions
+  bool conventions_applied = false;
   double seconds = 0.0;
 
   ModelFile model() const;  ///< the model to write

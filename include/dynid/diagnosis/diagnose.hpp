@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "dynid/diagnosis/answerable.hpp"
 #include "dynid/diagnosis/criteria.hpp"
 #include "dynid/diagnosis/gap_series.hpp"
 #include "dynid/diagnosis/grounds.hpp"
@@ -142,6 +143,7 @@ struct Diagnosis {
   double explained = 0.0;      ///< least part of the gap's energy that they explain, fitted or held out
   double cutoff = 0.0;
   double seconds = 0.0;
+  Answerable answerable;  ///< whether the logs can answer, and what could not be seen on them
 };
 
 /// Tells where the gap between a nominal model and logs of the real robot lies, which effects make it, and

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,13 +38,46 @@ struct ConventionReport {
 
 struct ConventionOptions {
   int rows = 640;  ///< states looked at: some hundred tell readings apart, more only cost time
+
+  // When it is a misreading.
   /// A reading is a misreading only when, on the joints that it concerns, the model explains less than
   /// `most_before` of the torque's energy as the log stands, more than `least_after` when read that way, and
   /// leaves at most 1 / `least_gain` of the residual: a payload, a wrong link or a tilt leaves much
   /// explained, and no other reading explains the rest.
-  double most_before = 0.4;
-  double least_after = 0.6;
-  double least_gain = 5.0;
+  double most_before = 0.5;
+  double least_after = 0.65;
+  double least_gain = 6.0;
+  /// The same for a robot of one joint, which has little to tell readings by: explained to within
+  /// `model_error`.
+  double least_after_alone = 0.97;
+  double least_gain_alone = 20.0;
+  double least_lead_alone = 1.0;  ///< of the best reading before the next, in the measure below
+  /// A joint is counted by the evidence that the reading brings on it (see below), from here on.
+  double least_weight = 0.3;
+  /// Samples at a torque's own largest or smallest value, as part of all: from here on it is clipped, and the
+  /// joint says nothing.
+  double most_clipped = 0.02;
+
+  // How readings are weighed: the sum over joints of log(what is left + model_error), and a cost each.
+  double model_error =
+      0.03;                ///< of a joint's energy: no nominal model is nearer, so a better fit says nothing
+  double worst = 10.0;     ///< in the same measure: beyond it a worse fit says nothing either
+  double read_well = 0.6;  ///< left of every joint's energy at most: nothing is sought
+  /// Rotor inertia to believe, in multiples of the links' own about the joint: any more would hide every
+  /// rigid body.
+  double most_rotor = 100.0;
+  /// Of what friction and rotor alone leave: where the body does not bring it below that on one joint, it is
+  /// not seen at all, and any reading that makes its torque small would do.
+  double least_part = 0.3;
+  /// The same where the body is as good as a rotor, and only its size speaks for it: twice the model's error.
+  double most_bare = 0.06;
+  double dip = 0.05;          ///< of the largest torque, below zero: smoothed magnitudes dip where they turn
+  double least_factor = 3.0;  ///< between a torque's gain, which is an effect, and a unit or side of a gear
+  double least_mounting = 0.35;    ///< [rad] 20 deg, below it a tilt, which is an effect
+  double snap_gravity = 0.14;      ///< [rad] 8 deg to an axis of the base: mountings are square
+  double gravity_tolerance = 0.4;  ///< of its size, relative: a payload draws the fit away
+  double payload_cost = 1.0;       ///< of a payload beside a reading
+  std::size_t tried_again = 16;    ///< best readings that are tried with a payload too
 };
 
 /// Asks whether logs mean what a model takes them to mean, before any effect is sought. At some hundred
