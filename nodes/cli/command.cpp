@@ -8,6 +8,7 @@
 #include <iostream>
 
 #include "cli/interrupt.hpp"
+#include "cli/log_reader.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/model/model_warning.hpp"
@@ -22,6 +23,11 @@ std::vector<std::string> joint_names(const Robot& robot) {
   std::vector<std::string> names;
   for (const Joint& joint : robot.joints) names.push_back(joint.name);
   return names;
+}
+
+LogReader& log_reader() {
+  static LogReader reader;
+  return reader;
 }
 
 #ifndef DYNID_WITH_ROSBAG
@@ -65,7 +71,7 @@ void Output::write(const nlohmann::json& result) const {
 }
 
 void RobotOption::add_to(CLI::App& command, const std::string& name, bool required) {
-  CLI::Option* option = command.add_option(name, path, "URDF or YAML model")->type_name("FILE");
+  CLI::Option* option = command.add_option(name, path, "URDF, MJCF or YAML model")->type_name("FILE");
   if (required) option->required();
   command.add_option("--base", base, "Base link, where a URDF branches")->type_name("LINK");
   command.add_option("--tip", tip, "Tip link, where a URDF branches")->type_name("LINK");
@@ -112,16 +118,18 @@ void LogOption::add_to(CLI::App& command, bool written) {
       ->capture_default_str();
 }
 
+void set_log_reader(LogReader reader) { log_reader() = std::move(reader); }
+
 Log LogOption::read(const std::string& path, const Robot& robot, const LogColumns& required) const {
-  if (!is_bag(path)) {
-    LogOptions options;
-    options.joints = robot.size();
-    options.joint_names = joint_names(robot);
-    if (!columns.empty()) options.columns = parse_columns(columns);
-    options.rate = rate;
-    options.required = required;
-    return read_log(path, options);
-  }
+  LogOptions options;
+  options.joints = robot.size();
+  options.joint_names = joint_names(robot);
+  if (!columns.empty()) options.columns = parse_columns(columns);
+  options.rate = rate;
+  options.required = required;
+  if (log_reader())
+    if (std::optional<Log> log = log_reader()(path, options, topic)) return *std::move(log);
+  if (!is_bag(path)) return read_log(path, options);
   std::string warning;
   Log log = read_bag(path, joint_names(robot), topic, required, &warning);
   if (!warning.empty()) std::cerr << "dynid: warning: " << warning << "\n";

@@ -2,6 +2,7 @@
 #include "dynid/model/robot_file.hpp"
 
 #include "dynid/base/file.hpp"
+#include "dynid/model/mjcf.hpp"
 #include "dynid/model/urdf.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -29,7 +30,9 @@ ModelFile read_model_file(const std::string& path, const std::string& base, cons
                           Consistency consistency, std::vector<Inconsistency>* broken) {
   const std::string text = read_file(path);
   ModelFile model;
-  if (is_xml(text)) {
+  if (is_xml(text) && is_mjcf(text)) {
+    model.robot = read_mjcf(path, base, tip, &text).robot;
+  } else if (is_xml(text)) {
     model.robot = parse_urdf(text, path, base, tip);
   } else {
     model = parse_model(text, path);

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <sstream>
 
 #include "dynid/base/error.hpp"
 #include "dynid/signal/table.hpp"
+#include "dynid/signal/table_log.hpp"
 #include "log_columns.hpp"
 
 namespace dynid {
@@ -125,7 +127,16 @@ std::map<std::string, std::string> parse_columns(const std::string& text) {
 }
 
 Log read_log(const std::string& path, const LogOptions& options) {
-  Table table = read_table(path, {true});
+  return log_of(read_table(path, {true}), options);
+}
+
+Log log_of(Table table, const LogOptions& options) {
+  const std::string path = table.source;
+  if (table.not_numbers.empty()) table.not_numbers.resize(table.names.size());
+  if (table.lines.empty()) {
+    table.lines.resize(static_cast<std::size_t>(table.values.rows()));
+    std::iota(table.lines.begin(), table.lines.end(), 1L);
+  }
   const detail::ColumnMap map = detail::map_columns(path, table.names, options);
   Log log;
   log.source = path;

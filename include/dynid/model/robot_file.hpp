@@ -15,10 +15,10 @@ enum class Consistency {
   ignore,
 };
 
-/// Reads a URDF (its first character is `<`; see parse_urdf()) or a model file (see read_model()). A URDF is
-/// a model too: its inertials and `<dynamics>`, with no coefficients.
+/// Reads a URDF or MJCF (its first character is `<`; see parse_urdf(), read_mjcf()) or a model file (see
+/// read_model()). These are models too: inertials, friction, servos, with no coefficients.
 ///
-/// `base`, `tip`: links, for a URDF; a model file is one chain already, and they must be its own or empty.
+/// `base`, `tip`: links of a URDF or MJCF; a model file is one chain, and they must be its own or empty.
 /// `broken`, if given, takes the broken rules (empty under Consistency::ignore). Throws Error.
 ModelFile read_model_file(const std::string& path, const std::string& base = "", const std::string& tip = "",
                           Consistency consistency = Consistency::refuse,
