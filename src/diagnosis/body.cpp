@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -14,7 +15,9 @@ bool is_body(const StandardParameters& p) {
 }
 
 StandardParameters nearest_body(const StandardParameters& c, const Eigen::MatrixXd& information) {
-  constexpr double gap = 1e-6;  // of the distance, relatively
+  // Of the distance, relatively; and, as that is in units of log evidence, what says nothing. Without it a c at
+  // the very border takes as many steps as a double has powers of ten.
+  constexpr double gap = 1e-6, nothing = 1e-4;
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
@@ -28,7 +31,7 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
   if (!(distance(x) > 0.0)) return x;  // nothing tells them apart
   double t = 4.0 / distance(x);
   for (bool last = false; !last; t *= 10.0) {
-    last = !(4.0 / t >= gap * distance(x));
+    last = !(4.0 / t >= std::max(nothing, gap * distance(x)));
     for (int k = 0; k < 50; ++k) {
       const Eigen::Matrix4d inverse = pseudo_inertia(x).inverse();
       Vector slope = 2.0 * t * (G * (x - c));
