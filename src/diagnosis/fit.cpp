@@ -233,8 +233,16 @@ Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const Ch
     const Eigen::Index first = rows.parts[p] + lags, count = rows.parts[p + 1] - first;
     if (count <= 0) continue;
     auto part = w.middleRows(at, count);
-    part = x.middleRows(first, count);
-    for (Eigen::Index k = 0; k < lags; ++k) part -= noise.ar[k] * x.middleRows(first - k - 1, count);
+    const auto past = [&](Eigen::Index k) { return x.middleRows(first - k, count); };
+    if (noise.ar.isZero(0.0)) {
+      part = past(0);
+    } else if (lags == 4) {  // the usual order, in one pass
+      part = past(0) - noise.ar[0] * past(1) - noise.ar[1] * past(2) - noise.ar[2] * past(3) -
+             noise.ar[3] * past(4);
+    } else {
+      part = past(0);
+      for (Eigen::Index k = 0; k < lags; ++k) part -= noise.ar[k] * past(k + 1);
+    }
     at += count;
   }
   w /= std::sqrt(noise.variance);
@@ -245,8 +253,8 @@ Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, dou
   Whitener out;
   out.noise = noise;
   out.nuisance = whitened(rows, nuisance(rows, joint, kappa), noise);
-  Eigen::MatrixXd A = out.nuisance.transpose() * out.nuisance;
-  A.diagonal().array() += 1.0;
+  Eigen::MatrixXd A = Eigen::MatrixXd::Identity(out.nuisance.cols(), out.nuisance.cols());
+  A.selfadjointView<Eigen::Lower>().rankUpdate(out.nuisance.transpose());
   out.llt.compute(A);
   out.log_det = 2.0 * out.llt.matrixLLT().diagonal().array().log().sum();
   return out;

@@ -83,11 +83,11 @@ bool restart_peak() {
   return bool(file);
 }
 
-struct Run {
+struct Measured {
   Diagnosis diagnosis;
   long grown = -1;  // [kB]; negative: not known
 };
-Run diagnosed(const Robot& robot, double seconds) {
+Measured diagnosed(const Robot& robot, double seconds) {
   const std::vector<Log> logs = {recorded(robot, seconds, 5), recorded(robot, seconds, 6)};
   DiagnoseOptions options;
   // So that a test need not be of minutes.
@@ -96,7 +96,7 @@ Run diagnosed(const Robot& robot, double seconds) {
   options.replay = false;
   const bool known = restart_peak();
   const long before = memory("VmRSS");
-  Run out{diagnose(robot, logs, options)};
+  Measured out{diagnose(robot, logs, options)};
   if (known && before > 0) out.grown = memory("VmHWM") - before;
   return out;
 }
@@ -104,14 +104,14 @@ Run diagnosed(const Robot& robot, double seconds) {
 TEST(LongLogs, SameNamesBoundedMemory) {
   const Robot robot = two_joints();
   diagnosed(robot, 8.0);  // what is allocated once
-  const Run brief = diagnosed(robot, 16.0), longer = diagnosed(robot, 128.0);
+  const Measured brief = diagnosed(robot, 16.0), longer = diagnosed(robot, 128.0);
   ASSERT_EQ(brief.diagnosis.verdict, Verdict::explained) << to_string(brief.diagnosis.verdict);
   EXPECT_EQ(longer.diagnosis.verdict, Verdict::explained) << to_string(longer.diagnosis.verdict);
   EXPECT_EQ(names(brief.diagnosis), std::set<std::string>{"coulomb_friction 2"});
   EXPECT_EQ(names(longer.diagnosis), names(brief.diagnosis));
   // All rows are fitted and shown, not those alone that were searched.
   EXPECT_GT(longer.diagnosis.series.t.size(), 7 * brief.diagnosis.series.t.size());
-  const auto width = [](const Run& run) {
+  const auto width = [](const Measured& run) {
     for (const Estimate& e : run.diagnosis.effects.at(0).parameters)
       if (e.key == "coefficient") return e.high[1] - e.low[1];
     return 0.0;
