@@ -11,3 +11,5 @@ if(DYNID_WITH_MPI)  # one answer from one process and from four
   find_package(MPI REQUIRED COMPONENTS CXX)
   target_compile_definitions(test_cli PRIVATE DYNID_MPIEXEC="${MPIEXEC_EXECUTABLE}")
 endif()
+target_link_libraries(test_cli PRIVATE dynid_commands)  # a subcommand out of tree
+target_include_directories(test_cli PRIVATE "${PROJECT_SOURCE_DIR}/nodes")

@@ -12,6 +12,9 @@ class BacklashDeadZone : public OwnTorque {
   std::vector<ShapeParameter> shape() const override {
     return {{"contact_torque", "N m", 0.1, 5.0, 3, true}};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    return {{"contact_torque", "N m", 0.005 * s.torque, 0.25 * s.torque, 3, true}};
+  }
   std::string form() const override { return "dead_zone"; }
   bool approximate() const override { return true; }
   double prior() const override { return 0.4; }

@@ -18,6 +18,10 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
   std::vector<ShapeParameter> shape() const override {
     return {{"motion_constant", "rad^2/s", 0.2, 6.0, 5, true}};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    const double sweep = s.travel * s.speed;  // the integral of dq^2 over one at full speed
+    return {{"motion_constant", "rad^2/s", 0.05 * sweep, 1.5 * sweep, 5, true}};
+  }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
     c = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "coefficient", unit));

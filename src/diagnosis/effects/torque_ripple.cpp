@@ -12,6 +12,11 @@ class TorqueRipple : public OwnTorque {
  public:
   TorqueRipple() : OwnTorque("torque_ripple", {}) {}
   std::vector<ShapeParameter> shape() const override { return {{"order", "1/rad", 2.0, 202.0, 401, false}}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    // A turn has no unit; of a joint that slides, as many in its travel as in that of a joint that turns.
+    if (s.type != JointType::prismatic) return shape();
+    return {{"order", "1/rad", 5.0 / s.travel, 505.0 / s.travel, 401, false}};
+  }
   std::vector<NamedValue> parameters(const Robot& robot, int unit, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd& shape) const override {
     return {named(name(), "amplitude", robot, unit, c.norm()),
