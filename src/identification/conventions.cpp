@@ -83,9 +83,11 @@ bool leads(const std::vector<ReadingCandidate>& found, double least) {
 /// `found`: best first.
 bool is_misreading(const ReadingGain& g, const std::vector<ReadingCandidate>& found,
                    const ConventionOptions& options) {
-  if (g.weight == 0.0 || g.spoils || !(g.before < options.most_before)) return false;
-  if (found.front().left.size() > 1)
-    return g.after > options.least_after && g.gain > std::log(options.least_gain);
+  if (g.weight == 0.0 || g.spoils) return false;
+  const bool one = found.front().left.size() == 1;
+  const bool clear = g.after > options.least_after_clear && g.gain > std::log(options.least_gain_clear);
+  if (!(g.before < (clear && !one ? options.most_before_clear : options.most_before))) return false;
+  if (!one) return g.after > options.least_after && g.gain > std::log(options.least_gain);
   // One joint has little to tell readings by.
   return g.after > options.least_after_alone && g.gain > std::log(options.least_gain_alone) &&
          leads(found, options.least_lead_alone);

@@ -62,7 +62,8 @@ TEST(Answerable, AJointThatRestsIsNamed) {
   Log log = swinging(robot);
   log.q.col(2).setConstant(0.1);
   log.dq.col(2).setZero();
-  const Blindness* rest = find(of(robot, log), "joint_at_rest");
+  const Answerable a = of(robot, log);
+  const Blindness* rest = find(a, "joint_at_rest");
   ASSERT_NE(rest, nullptr);
   EXPECT_EQ(rest->joints, std::vector<int>{3});
   EXPECT_NE(rest->text.find("joint 3 hardly moves"), std::string::npos) << rest->text;
@@ -82,7 +83,8 @@ TEST(Answerable, AJointThatDoesNotTurnBackIsNamed) {
 TEST(Answerable, ALoadThatDoesNotVaryIsNamed) {
   Robot robot = panda();
   const Log log = swinging(robot, 0.03);  // gravity hardly changes, and little inertia
-  const Blindness* steady = find(of(robot, log), "steady_load");
+  const Answerable a = of(robot, log);
+  const Blindness* steady = find(a, "steady_load");
   ASSERT_NE(steady, nullptr);
   EXPECT_NE(std::find(steady->joints.begin(), steady->joints.end(), 4), steady->joints.end()) << steady->text;
 }

@@ -343,6 +343,8 @@ std::string undecidable(const std::string& name, int joints) {
   if (name == "gravity") return "a zero, by another name";
   // tau = (J ddq + friction) / k with k free: a rotor of any size.
   if (name == "no_gravity_motor_side") return "a rotor, by another name";
+  // m g l cos(q + phi): each is another phi, which is where the centre of mass lies.
+  if (name == "joint_zero" || name == "free_zero" || name == "joint_sign") return "another centre of mass";
   return "";
 }
 

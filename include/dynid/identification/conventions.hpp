@@ -47,6 +47,11 @@ struct ConventionOptions {
   double most_before = 0.5;
   double least_after = 0.65;
   double least_gain = 6.0;
+  /// Where a reading is as clear as this, more may be explained as the log stands: two zeros of a real arm,
+  /// and a heavy payload that would stand for them, come to a half.
+  double most_before_clear = 0.7;
+  double least_after_clear = 0.9;
+  double least_gain_clear = 10.0;
   /// The same for a robot of one joint, which has little to tell readings by: explained to within
   /// `model_error`.
   double least_after_alone = 0.97;
