@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/diagnose.hpp"
-#include "dynid/app/uncertainty.hpp"
 
 #include <iostream>
 
@@ -67,8 +66,7 @@ int run(const Arguments& a) {
 
   nlohmann::json result = to_json(report);
   const std::string page = a.report.empty() ? "" : report.html(command_line(a), DYNID_VERSION);
-  if (const auto patch = report.patch(); patch && !a.patch.empty())
-    write_model(a.patch, *patch, uncertainty_of(job, report).uncertainty);
+  if (const auto patch = report.patch(); patch && !a.patch.empty()) write_model(a.patch, *patch);
   if (const Trajectory& next = report.diagnosis.next.motion;
       !a.next_trajectory.empty() && next.samples() > 0) {
     write_trajectory(a.next_trajectory, next);

@@ -15,7 +15,6 @@
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/effect/complete.hpp"
-#include "dynid/model/uncertainty.hpp"
 #include "friction/yaml.hpp"
 
 namespace dynid {
@@ -225,49 +224,9 @@ Effect read_effect(const YamlItem& item, const Robot& robot) {
   }
 }
 
-struct UncertaintyKey {
-  const char* key;
-  double JointUncertainty::*value;
-};
-constexpr UncertaintyKey uncertainty_keys[] = {{"constant", &JointUncertainty::constant},
-                                               {"speed", &JointUncertainty::speed},
-                                               {"stiction", &JointUncertainty::stiction},
-                                               {"load", &JointUncertainty::load},
-                                               {"acceleration", &JointUncertainty::acceleration},
-                                               {"stiction_speed", &JointUncertainty::stiction_speed},
-                                               {"correlation_time", &JointUncertainty::correlation_time},
-                                               {"momentum_noise", &JointUncertainty::momentum_noise},
-                                               {"sticking", &JointUncertainty::sticking}};
-
-Uncertainty uncertainty_in(const YamlItem& item, int joints) {
-  item.expect_keys({"seconds", "joints", "windows"});
-  Uncertainty uncertainty;
-  if (item.has("seconds")) uncertainty.seconds = item.at("seconds").number();
-  for (const YamlItem& entry : item.at("joints").list()) {
-    entry.expect_keys({"constant", "speed", "stiction", "load", "acceleration", "stiction_speed",
-                       "correlation_time", "momentum_noise", "sticking", "contact_point"});
-    JointUncertainty joint;
-    for (const UncertaintyKey& k : uncertainty_keys)
-      if (entry.has(k.key)) joint.*k.value = entry.at(k.key).number();
-    if (entry.has("contact_point")) joint.contact_point = entry.at("contact_point").vector<3>();
-    uncertainty.joints.push_back(joint);
-  }
-  for (const YamlItem& entry : item.at("windows").list()) {
-    entry.expect_keys({"bandwidth", "level", "scale", "per_hour"});
-    uncertainty.windows.push_back({entry.at("bandwidth").positive_number(),
-                                   entry.at("level").positive_number(), entry.at("scale").positive_number(),
-                                   entry.at("per_hour").positive_number()});
-  }
-  return item.located([&] {
-    validate(uncertainty, joints);
-    return uncertainty;
-  });
-}
-
 ModelFile read_document(const YamlItem& item) {
   item.expect_keys({"format", "name", "base_link", "tip_link", "tip", "gravity", "note",
-                    "physically_consistent", "inconsistencies", "joints", "effects", "coefficients",
-                    "uncertainty"});
+                    "physically_consistent", "inconsistencies", "joints", "effects", "coefficients"});
   ModelFile model;
   Robot& robot = model.robot;
   robot.name = item.at("name").name();
@@ -298,7 +257,6 @@ ModelFile read_document(const YamlItem& item) {
       model.coefficients.push_back(read_coefficient(entry));
     }
   }
-  if (item.has("uncertainty")) uncertainty_in(item.at("uncertainty"), robot.size());
   return model;
 }
 
@@ -432,29 +390,6 @@ void put_coefficient(YAML::Emitter& out, const Coefficient& coefficient) {
   out << YAML::EndMap;
 }
 
-void put_uncertainty(YAML::Emitter& out, const Uncertainty& uncertainty) {
-  out << YAML::Key << "uncertainty" << YAML::Value << YAML::BeginMap;
-  put(out, "seconds", uncertainty.seconds);
-  out << YAML::Key << "joints" << YAML::Value << YAML::BeginSeq;
-  for (const JointUncertainty& joint : uncertainty.joints) {
-    out << YAML::Flow << YAML::BeginMap;
-    for (const UncertaintyKey& k : uncertainty_keys) put(out, k.key, joint.*k.value);
-    out << YAML::Key << "contact_point" << YAML::Value;
-    put(out, joint.contact_point);
-    out << YAML::EndMap;
-  }
-  out << YAML::EndSeq << YAML::Key << "windows" << YAML::Value << YAML::BeginSeq;
-  for (const ContactWindow& window : uncertainty.windows) {
-    out << YAML::Flow << YAML::BeginMap;
-    put(out, "bandwidth", window.bandwidth);
-    put(out, "level", window.level);
-    put(out, "scale", window.scale);
-    put(out, "per_hour", window.per_hour);
-    out << YAML::EndMap;
-  }
-  out << YAML::EndSeq << YAML::EndMap;
-}
-
 void check_names(const Robot& robot) {
   std::set<std::string> names;
   for (const Joint& joint : robot.joints) {
@@ -485,9 +420,7 @@ ModelFile parse_model(const std::string& text, const std::string& name) {
 
 ModelFile read_model(const std::string& path) { return parse_model(read_file(path), path); }
 
-std::string to_yaml(const ModelFile& model) { return to_yaml(model, std::nullopt); }
-
-std::string to_yaml(const ModelFile& model, const std::optional<Uncertainty>& uncertainty) {
+std::string to_yaml(const ModelFile& model) {
   const Robot& robot = model.robot;
   validate(robot);
   check_names(robot);
@@ -522,32 +455,10 @@ std::string to_yaml(const ModelFile& model, const std::optional<Uncertainty>& un
     for (const Coefficient& coefficient : model.coefficients) put_coefficient(out, coefficient);
     out << YAML::EndSeq;
   }
-  if (uncertainty) {
-    validate(*uncertainty, robot.size());
-    put_uncertainty(out, *uncertainty);
-  }
   out << YAML::EndMap;
   return header() + out.c_str() + "\n";
 }
 
 void write_model(const std::string& path, const ModelFile& model) { write_file(path, to_yaml(model)); }
-
-void write_model(const std::string& path, const ModelFile& model,
-                 const std::optional<Uncertainty>& uncertainty) {
-  write_file(path, to_yaml(model, uncertainty));
-}
-
-std::optional<Uncertainty> parse_uncertainty(const std::string& text, const std::string& name) {
-  const YamlItem root = YamlItem::document(text, name, format_name, "a model");
-  if (!root.has("uncertainty")) return std::nullopt;
-  return uncertainty_in(root.at("uncertainty"), static_cast<int>(root.at("joints").list().size()));
-}
-
-std::optional<Uncertainty> read_uncertainty(const std::string& path) {
-  const std::size_t dot = path.find_last_of('.');
-  const std::string ending = dot == std::string::npos ? "" : path.substr(dot);
-  if (ending != ".yaml" && ending != ".yml") return std::nullopt;
-  return parse_uncertainty(read_file(path), path);
-}
 
 }  // namespace dynid

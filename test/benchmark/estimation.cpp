@@ -50,18 +50,6 @@ std::vector<Sample> motion(const dynid::Robot& robot) {
   return samples;
 }
 
-/// An uncertainty with every term, whose threshold the motion never passes, or always.
-dynid::Uncertainty uncertainty(const dynid::Robot& robot, bool contact) {
-  dynid::Uncertainty u;
-  dynid::JointUncertainty joint;
-  joint.constant = joint.stiction = 0.01, joint.speed = joint.load = joint.acceleration = 1e-4;
-  joint.momentum_noise = 1e-7, joint.sticking = 0.3;
-  u.joints.assign(robot.joints.size(), joint);
-  const double level = contact ? 1e-12 : 1e12;
-  for (double bandwidth : {160.0, 60.0, 30.0, 12.0}) u.windows.push_back({bandwidth, level, level, 1.0});
-  return u;
-}
-
 /// Durations, every one counted.
 class Durations {
  public:
@@ -109,15 +97,10 @@ int main(int argc, char** argv) try {
   const dynid::Robot robot = dynid::read_model(std::string(DYNID_SOURCE_DIR) + "/config/panda.yaml").robot;
   const std::vector<Sample> samples = motion(robot);
 
-  enum class Mode { first, second, test, contact };
-  for (const Mode mode : {Mode::first, Mode::second, Mode::test, Mode::contact}) {
-    if (at_rate && mode == Mode::second) continue;
-    const dynid::ObserverOrder order =
-        mode == Mode::second ? dynid::ObserverOrder::second : dynid::ObserverOrder::first;
+  for (const dynid::ObserverOrder order : {dynid::ObserverOrder::first, dynid::ObserverOrder::second}) {
+    if (at_rate && order == dynid::ObserverOrder::second) break;
     dynid::TorqueEstimatorOptions options;
     options.order = order;
-    if (mode == Mode::test || mode == Mode::contact)
-      options.uncertainty = uncertainty(robot, mode == Mode::contact);
     dynid::TorqueEstimator<7> estimator(robot, options);
     Durations wall, processor, control;
     double sum = 0.0;  // so that nothing is optimised away
@@ -126,7 +109,7 @@ int main(int argc, char** argv) try {
       const Sample& s = samples[std::size_t(k) % samples.size()];
       const auto step = [&] {
         const auto& estimate = estimator.step(1e-3, s.q, s.dq, s.tau);
-        sum += estimate.residual[0] + estimate.wrench[0] + estimate.pushed.wrench[0];
+        sum += estimate.residual[0] + estimate.wrench[0];
       };
       if (!at_rate) {
         wall.add(timed(step));
@@ -137,10 +120,7 @@ int main(int argc, char** argv) try {
       wall.add(timed(step));
       processor.add(processor_time() - begin);
     }
-    const std::string what = mode == Mode::first    ? "first order"
-                             : mode == Mode::second ? "second order"
-                             : mode == Mode::test   ? "with contact test"
-                                                    : "test, in contact";
+    const std::string what = order == dynid::ObserverOrder::first ? "first order" : "second order";
     wall.print((what + (at_rate ? ", 1 kHz, wall" : "")).c_str());
     if (at_rate) {
       processor.print((what + ", 1 kHz, processor").c_str());

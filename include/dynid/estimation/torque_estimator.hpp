@@ -3,11 +3,9 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <optional>
 #include <string>
 
 #include "dynid/estimation/contact_detector.hpp"
-#include "dynid/estimation/contact_test.hpp"
 #include "dynid/estimation/external_wrench.hpp"
 #include "dynid/estimation/momentum_observer.hpp"
 #include "dynid/estimation/status.hpp"
@@ -32,9 +30,6 @@ struct TorqueEstimatorOptions {
   double longest_dt = 0.1;            ///< [s] a longer step is a gap
   /// [s] for which a sample that repeats the one before (a lost packet) is waited out: its outputs are held.
   double bridge = 0.003;
-  /// Of the model: with it there is a ContactTest beside the thresholds.
-  std::optional<Uncertainty> uncertainty = {};
-  ContactTestOptions test;
 };
 
 /// What a cycle gives. Torques [N m]: n, base to tip.
@@ -51,9 +46,6 @@ struct Estimate {
   Eigen::Array<bool, N, 1> contact;                                          ///< |r| over its threshold
   Eigen::Matrix<double, 6, 1> wrench = Eigen::Matrix<double, 6, 1>::Zero();  ///< [N, N m] from the residual
   double singular_margin = 0.0;                                              ///< [m] see ExternalWrench
-  Vector external;      ///< tau_ext between the last two samples by the momentum, not filtered
-  Contact<N> pushed;    ///< by the ContactTest; nothing ever, without TorqueEstimatorOptions::uncertainty
-  bool tested = false;  ///< `pushed` is in use
 };
 
 /// Everything that runs beside a robot at 1 kHz: model torque, friction, external torque in two ways,
@@ -82,17 +74,14 @@ class TorqueEstimator {
         observer_(tunings_.front().gain, options.order, options.damping),
         contact_(tunings_.front().threshold, tunings_.front().release),
         wrench_(model.rigid_body(), model.rigid_body().tip() * options.wrench_frame, options.wrench),
-        options_(options),
-        test_(model.size()) {
+        options_(options) {
     positive(options.longest_dt, "longest_dt");
     if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
       throw Error("bridge: must be in [0, longest_dt) s");
     for (Vector* v : {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &out_.ddq, &out_.tau_model,
-                      &out_.tau_friction, &out_.tau_external, &out_.residual, &out_.external})
+                      &out_.tau_friction, &out_.tau_external, &out_.residual})
       *v = Vector::Zero(model.size());
     out_.contact = contact_.flags();
-    out_.pushed = test_.contact();
-    out_.tested = tunings_.front().tests;
   }
 
   int size() const noexcept { return n_; }  ///< n
@@ -115,10 +104,10 @@ class TorqueEstimator {
     models_.publish(model);
   }
 
-  /// From the thread of adopt(): gain, contact_threshold, contact_release, acceleration_cutoff, uncertainty
-  /// and test of `options` are in use from the next cycle on, the rest of it is not looked at. The residual
-  /// goes on without a jump. Throws Error where the constructor does. Usual thresholds are those of the
-  /// limits at the start.
+  /// From the thread of adopt(): gain, contact_threshold, contact_release and acceleration_cutoff of
+  /// `options` are in use from the next cycle on, the rest of it is not looked at. The residual goes on
+  /// without a jump. Throws Error where the constructor does. Usual thresholds are those of the limits at the
+  /// start.
   void retune(const TorqueEstimatorOptions& options) {
     const Tuning next = tuning(limits_, options);
     // Their constructors know what is wrong.
@@ -149,7 +138,6 @@ class TorqueEstimator {
     started_ = false;
     elapsed_ = 0.0;
     contact_.reset();
-    test_.reset();
   }
 
   const Estimate<N>& estimate() const noexcept { return out_; }             ///< of the last cycle
@@ -173,8 +161,6 @@ class TorqueEstimator {
   struct Tuning {
     Vector gain, threshold, release;
     double cutoff;
-    bool tests = false;
-    typename ContactTest<N>::Tuning test;
   };
   static Tuning tuning(const Vector& torque_limit, const TorqueEstimatorOptions& options) {
     positive(options.acceleration_cutoff, "acceleration_cutoff");
@@ -184,11 +170,6 @@ class TorqueEstimator {
         over_joints(options.contact_threshold, usual_contact_threshold(torque_limit), "contact_threshold");
     all.release = options.contact_release * all.threshold;
     all.cutoff = options.acceleration_cutoff;
-    if (options.uncertainty) {
-      all.tests = true;
-      all.test = ContactTest<N>::make_tuning(*options.uncertainty, static_cast<int>(torque_limit.size()),
-                                             options.test);
-    }
     return all;
   }
 
@@ -215,8 +196,6 @@ class TorqueEstimator {
       const Tuning& tuned = tunings_.front();
       observer_.set_gain(tuned.gain);
       contact_.set_thresholds(tuned.threshold, tuned.release);
-      if (!tuned.tests && out_.tested) test_.reset(), out_.pushed = test_.contact();
-      out_.tested = tuned.tests;
     }
     if (changed && started_) rebase(model);
     // Whatever else is wrong, time passes.
@@ -261,7 +240,6 @@ class TorqueEstimator {
       observer_.start(p_, u_);
       status |= Status::restarted;
     }
-    const double dt_used = elapsed_;
     started_ = true;
     elapsed_ = 0.0;
     out_.ddq = ddq_used_;
@@ -271,8 +249,6 @@ class TorqueEstimator {
     out_.singular_margin = wrench_.margin();
     if (wrench_.near_singular()) status |= Status::near_singular;
     out_.contact = contact_.update(out_.residual);
-    out_.external = observer_.external();
-    if (tunings_.front().tests) test(has(status, Status::restarted) ? 0.0 : dt_used, model);
     for (Eigen::Index i = 0; i < q_.size(); ++i) {
       if (q_[i] < model.lower()[i] || q_[i] > model.upper()[i] ||
           std::abs(dq_[i]) > model.velocity_limit()[i] || std::abs(tau_[i]) > model.torque_limit()[i])
@@ -280,14 +256,6 @@ class TorqueEstimator {
     }
     out_.status = status;
     return out_;
-  }
-
-  void test(double dt, const TorqueModel<N>& model) noexcept {
-    const auto& tuning = tunings_.front().test;
-    if (dt > 0.0 && test_.update(dt, out_.external, dq_, out_.tau_model, ddq_used_, tuning))
-      test_.locate(dt, model.rigid_body(), ws_, q_, wrench_.scaled_jacobian(), wrench_.length(),
-                   wrench_.frame().translation(), tuning);
-    out_.pushed = test_.contact();
   }
 
   const Estimate<N>& hold(Status status) noexcept {
@@ -322,7 +290,6 @@ class TorqueEstimator {
   ContactDetector<N> contact_;
   ExternalWrench<N> wrench_;
   TorqueEstimatorOptions options_;
-  ContactTest<N> test_;
   int n_ = models_.front().size();
   bool started_ = false;
   double elapsed_ = 0.0;  // [s] since the sample before

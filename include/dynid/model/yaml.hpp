@@ -32,9 +32,6 @@ namespace dynid {
 ///   `parameters`, lists of numbers (see dynid::Effect); may be left out.
 /// - `coefficients`, where the model was identified, each with `name`, `expression`, `value`,
 ///   `std_percent` (left out: not known, infinite) and `kept`.
-/// - `uncertainty`, how far the residual strays without contact (see dynid::Uncertainty): `joints`, one entry
-///   a joint with the fields of JointUncertainty, `windows` with those of ContactWindow, `seconds`; may be
-///   left out.
 ///
 /// A pose is `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}` (URDF's: Rz(yaw) Ry(pitch) Rx(roll)) or
 /// `{xyz: [x, y, z], quaternion: [x, y, z, w]}`; either part may be left out. Inertia is `{xx, xy,
