@@ -17,8 +17,8 @@
 namespace dynid {
 namespace {
 
-const char* const sections[] = {"verdict", "effects", "aliases", "where", "residual", "shrink",
-                                "replay",  "ranking", "data",    "next",  "reproduce"};
+const char* const sections[] = {"verdict", "answerable", "effects", "aliases", "where", "residual",
+                                "shrink",  "replay",     "ranking", "data",    "next",  "reproduce"};
 
 /// Seven joints, a gap on the second, with names that want to be markup.
 Diagnosis example(Verdict verdict) {
@@ -187,6 +187,25 @@ TEST(Report, OpensInABrowser) {
     EXPECT_LE(beyond, 0) << "the page is wider than a window of " << width;
   }
   std::filesystem::remove_all(folder);
+}
+
+// The first panel says what was recorded, what could not be seen on it, and how it has to be read.
+TEST(Report, BeginsWithWhatTheLogCanAnswer) {
+  Diagnosis d = example(Verdict::misread);
+  d.answerable.duration = 20.0;
+  d.answerable.joints.assign(7, JointExcitation{});
+  d.answerable.blind = {{"no_reversal", {3}, "joint 3 never turns back <here>"}};
+  const ReportContext context{"panda", {"a.csv"}, "the command", "1", false};
+  EXPECT_EQ(to_html(d, context).find("--assume"), std::string::npos);
+  d.conventions.assume = "torque_sign=-1";
+  d.conventions.conventions = {{"torque_sign", {}, -1.0, -2.0, 0.97, "torque_sign=-1", "turned <all>"}};
+  const std::string html = to_html(d, context);
+  const auto panel = html.find("Can this log answer?");
+  ASSERT_NE(panel, std::string::npos);
+  for (const char* part : {"--assume torque_sign=-1", "turned &lt;all&gt;", "<td>7</td>",
+                           "What could not be seen", "Joint 3 never turns back &lt;here&gt;"})
+    EXPECT_NE(html.find(part, panel), std::string::npos) << part;
+  EXPECT_LT(panel, html.find("id=\"effects\""));
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "../../src/diagnosis/report_answerable.hpp"
+#include "dynid/diagnosis/answerable.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -94,21 +94,6 @@ TEST(Answerable, ChannelsThatAreThereAreNotMissed) {
   Log log = swinging(robot);
   log.theta = log.q, log.tau_cmd = log.tau, log.temp = log.q;
   EXPECT_EQ(find(of(robot, log), "channel"), nullptr);
-}
-
-TEST(Answerable, TheSectionSaysHowTheLogIsRead) {
-  const Robot robot = panda();
-  Diagnosis d;
-  d.answerable = of(robot, swinging(robot));
-  d.unit.assign(7, "N m");
-  EXPECT_EQ(detail::answerable_section(d).find("--assume"), std::string::npos);
-  d.verdict = Verdict::misread;
-  d.conventions.assume = "torque_sign=-1";
-  d.conventions.conventions = {{"torque_sign", {}, -1.0, -2.0, 0.97, "torque_sign=-1", "turned <all>"}};
-  const std::string text = detail::answerable_section(d);
-  for (const char* part : {"Can this log answer?", "--assume torque_sign=-1", "turned &lt;all&gt;",
-                           "<td>7</td>", "What could not be seen"})
-    EXPECT_NE(text.find(part), std::string::npos) << part;
 }
 
 }  // namespace
