@@ -64,6 +64,7 @@ double left_out_coverage(const std::vector<Error90>& errors, const Calibration& 
 
 /// An effect that was weighed: its grounds, and whether it was there.
 struct Weighed {
+  std::string name;
   Grounds grounds;
   bool right;
 };
@@ -75,33 +76,41 @@ std::vector<Weighed> weighed(const std::vector<BlindCase>& cases) {
     if (!c.failure.empty()) continue;
     for (const ConsideredEffect& e : c.considered) {
       if (std::find(c.background.begin(), c.background.end(), e.name) != c.background.end()) continue;
-      out.push_back({e.grounds, std::any_of(c.truth.begin(), c.truth.end(),
-                                            [&](const Effect& t) { return t.name == e.name; })});
+      out.push_back({e.name, e.grounds, std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& t) {
+                       return t.name == e.name;
+                     })});
     }
   }
   return out;
 }
 
-/// Logistic regression by Newton steps, the weight of 1 free, the others with a normal prior of one on
-/// grounds of unit spread.
+/// Logistic regression by Newton steps: the weight of 1 free, those of the grounds with a normal prior of one
+/// on grounds of unit spread, those of names with one of half that variance.
 void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
-  constexpr int steps = 30, size = static_cast<int>(ground_count) + 1;
-  const auto rows = static_cast<Eigen::Index>(all.size());
-  Eigen::MatrixXd X(rows, size);
+  constexpr int steps = 30;
+  constexpr auto grounds = static_cast<Eigen::Index>(ground_count);
+  std::map<std::string, Eigen::Index> names;
+  for (const Weighed& w : all) names.emplace(w.name, 0);
+  Eigen::Index size = grounds;
+  for (auto& [name, column] : names) column = size++;
+  const Eigen::Index one = size++, rows = static_cast<Eigen::Index>(all.size());
+  Eigen::MatrixXd X = Eigen::MatrixXd::Zero(rows, size);
   Eigen::VectorXd right(rows);
   for (Eigen::Index i = 0; i < rows; ++i) {
     const Weighed& w = all[static_cast<std::size_t>(i)];
-    X.row(i).head(size - 1) =
-        Eigen::Map<const Eigen::RowVectorXd>(w.grounds.value.data(), static_cast<Eigen::Index>(ground_count));
-    X(i, size - 1) = 1.0;
+    X.row(i).head(grounds) = Eigen::Map<const Eigen::RowVectorXd>(w.grounds.value.data(), grounds);
+    X(i, names.at(w.name)) = X(i, one) = 1.0;
     right[i] = w.right ? 1.0 : 0.0;
   }
-  const Eigen::RowVectorXd mean = X.colwise().mean();
-  Eigen::VectorXd spread =
-      ((X.rowwise() - mean).colwise().squaredNorm() / double(rows)).cwiseSqrt().cwiseMax(1e-6).transpose();
-  for (int k = 0; k + 1 < size; ++k) X.col(k) = (X.col(k).array() - mean[k]) / spread[k];
-  Eigen::VectorXd prior = Eigen::VectorXd::Ones(size), w = Eigen::VectorXd::Zero(size);
-  prior[size - 1] = 1e-3;
+  const Eigen::RowVectorXd mean = X.leftCols(grounds).colwise().mean();
+  const Eigen::RowVectorXd spread =
+      ((X.leftCols(grounds).rowwise() - mean).colwise().squaredNorm() / double(rows))
+          .cwiseSqrt()
+          .cwiseMax(1e-6);
+  X.leftCols(grounds) = (X.leftCols(grounds).rowwise() - mean).array().rowwise() / spread.array();
+  Eigen::VectorXd prior = Eigen::VectorXd::Constant(size, 2.0), w = Eigen::VectorXd::Zero(size);
+  prior.head(grounds).setOnes();
+  prior[one] = 1e-3;
   for (int k = 0; k < steps; ++k) {
     const Eigen::VectorXd p = (1.0 + (-(X * w).array()).exp()).inverse();
     const Eigen::VectorXd slope = X.transpose() * (right - p) - prior.cwiseProduct(w);
@@ -109,11 +118,13 @@ void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
     H.diagonal() += prior;
     w += H.ldlt().solve(slope);
   }
-  c.weight_of_one = w[size - 1];
-  for (int k = 0; k + 1 < size; ++k) {
+  c.weight_of_one = w[one];
+  for (Eigen::Index k = 0; k < grounds; ++k) {
     c.weights.value[static_cast<std::size_t>(k)] = w[k] / spread[k];
     c.weight_of_one -= w[k] * mean[k] / spread[k];
   }
+  c.weight_of_name.clear();
+  for (const auto& [name, column] : names) c.weight_of_name[name] = w[column];
 }
 
 }  // namespace
@@ -123,8 +134,8 @@ const Calibration& calibration() {
     const detail::YamlItem file =
         detail::YamlItem::document(detail::calibration_in_use, "config/diagnosis_calibration.yaml",
                                    "dynid-calibration-1", "a calibration");
-    file.expect_keys({"format", "temperature", "weight_of_one", "weights", "interval_factor",
-                      "interval_factor_off", "form_error", "form_errors"});
+    file.expect_keys({"format", "temperature", "weight_of_one", "weights", "weight_of_name",
+                      "interval_factor", "interval_factor_off", "form_error", "form_errors"});
     Calibration c;
     c.temperature = file.at("temperature").positive_number();
     c.weight_of_one = file.at("weight_of_one").number();
@@ -141,8 +152,9 @@ const Calibration& calibration() {
   return inside;
 }
 
-double Calibration::probability(const Grounds& grounds) const {
-  double sum = weight_of_one;
+double Calibration::probability(const std::string& name, const Grounds& grounds) const {
+  const auto own = weight_of_name.find(name);
+  double sum = weight_of_one + (own != weight_of_name.end() ? own->second : 0.0);
   for (std::size_t k = 0; k < ground_count; ++k) sum += weights.value[k] * grounds.value[k];
   return 1.0 / (1.0 + std::exp(-sum));
 }
@@ -203,6 +215,8 @@ std::string calibration_yaml(const Calibration& c, const std::string& command) {
       << "temperature: " << c.temperature << "\nweight_of_one: " << c.weight_of_one << "\nweights:\n";
   for (std::size_t k = 0; k < ground_count; ++k)
     out << "  " << ground_names[k] << ": " << c.weights.value[k] << "\n";
+  out << "weight_of_name:\n";
+  for (const auto& [name, weight] : c.weight_of_name) out << "  " << name << ": " << weight << "\n";
   out << "interval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
       << "\nform_error: " << c.form_error << "\nform_errors:\n";
   for (const auto& [parameter, error] : c.form_errors) out << "  " << parameter << ": " << error << "\n";

@@ -115,7 +115,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
                  size = energy(own_contribution(model, k), floor) + 1e-300;
     out.grounds[k][Ground::evidence] = std::asinh(own - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
-    out.probability[k] = by.probability(out.grounds[k]);
+    out.probability[k] = by.probability(mine, out.grounds[k]);
     const double form_part = form_of(choice.criteria(), *model.effects[k].h);
     for (const GapModel& m : others) {
       const Hypothesis& h = *m.effects.back().h;

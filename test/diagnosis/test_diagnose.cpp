@@ -683,14 +683,14 @@ TEST(Calibration, FindsTheWeights) {
   std::vector<BlindCase> cases(2000);
   for (BlindCase& c : cases) {
     c.considered = {drawn()};
-    const bool there = uniform(random) < truth.probability(c.considered[0].grounds);
+    const bool there = uniform(random) < truth.probability("a", c.considered[0].grounds);
     c.truth = {{there ? "a" : "b", {1}, {}}};
   }
   const Calibration fitted = fit_calibration(cases);
   double error = 0.0;
   for (int k = 0; k < 200; ++k) {
     const Grounds g = drawn().grounds;
-    error += std::abs(fitted.probability(g) - truth.probability(g)) / 200.0;
+    error += std::abs(fitted.probability("a", g) - truth.probability("a", g)) / 200.0;
   }
   EXPECT_LT(error, 0.03);
   EXPECT_EQ(fitted.temperature, calibration().temperature);

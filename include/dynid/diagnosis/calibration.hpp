@@ -19,6 +19,9 @@ struct Calibration {
   /// Weights of the grounds of an effect, and of 1: its probability is the logistic function of their sum.
   Grounds weights;
   double weight_of_one = 0.0;
+  /// And by the effect's name: what imitates others is named without being there more often than what does
+  /// not.
+  std::map<std::string, double> weight_of_name;
   double interval_factor = 1.0;      ///< of standard deviations, where the nominal model is right
   double interval_factor_off = 1.0;  ///< and where it is off
   /// Of "effect.parameter": how far the truth may be off, at 90 %, for having another form than the effect's,
@@ -34,7 +37,7 @@ struct Calibration {
     return e.per_joint ? std::abs(e.value[i]) : e.value.norm();
   }
   /// Probability that an effect of a set is there.
-  double probability(const Grounds& grounds) const;
+  double probability(const std::string& name, const Grounds& grounds) const;
   /// Of parameter `parameter` of effect `effect`, in units of scale().
   double form_error_of(const std::string& effect, const std::string& parameter) const {
     const auto found = form_errors.find(effect + "." + parameter);
@@ -46,7 +49,7 @@ struct Calibration {
 const Calibration& calibration();
 
 /// What fits the cases of a bank best: the weights by logistic regression on every effect that was weighed,
-/// named or not, each weight being pulled to 0 as if by a normal prior of one (the temperature stays); of
+/// named or not, each weight being pulled to 0 as if by a normal prior (the temperature stays); of
 /// each parameter the 90 % quantile of what its errors are beyond the factors' part (form errors; values of
 /// one case count as one), and the least factors, not below 1, with which nine in ten intervals hold the
 /// truth of a case left out. Throws Error on fewer than 30 cases with an effect
