@@ -11,7 +11,8 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double tiny = 1e-6;  // of shares and ratios: their logarithm ends there
+constexpr double least_shown = 25.0;  // energy in units of the floor: five standard deviations of noise
+constexpr double tiny = 1e-6;         // of shares and ratios: their logarithm ends there
 
 /// Rows in which an effect can be judged, and what each effect adds there with what was fitted elsewhere.
 struct Trial {
@@ -75,15 +76,16 @@ std::vector<Grounds> grounds_of(const Choice& choice, const GapModel& model,
   const std::size_t count = model.effects.size();
   std::vector<Grounds> out(count);
   if (count == 0) return out;
-  // What does not come back can only be judged beside where it was found.
-  const bool beside = has_once(model) || choice.split.alone;
+  // What does not come back, or does not act in the rows that judge, can only be judged beside where it was
+  // found.
   const GapModel within = fitted_within(choice.rows, model);
   const Trial held = trial(choice.held, model),
               near = trial(GapRows(choice.rows, alternate(choice.rows, false, within_length(choice.rows), 1)),
                            within);
   const Eigen::VectorXd before = by_joint(choice.rows.y, floor), after = by_joint(model.fit.residual, floor);
   const auto judged = [&](std::size_t k) -> const Trial& {
-    return beside && (choice.split.alone || model.effects[k].h->once()) ? near : held;
+    const bool shows = energy(held.own[k], floor) * double(held.rows.size()) > least_shown;
+    return choice.split.alone || model.effects[k].h->once() || !shows ? near : held;
   };
   const Eigen::MatrixXd held_left = left_in(held, model.kappa), near_left = left_in(near, within.kappa);
   for (std::size_t k = 0; k < count; ++k) {

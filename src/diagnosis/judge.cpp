@@ -116,6 +116,10 @@ class Judge {
           "chance that a gap unrelated to the motion is explained as well by any effect");
       return without_effects;
     }
+    const bool enough = out.explained >= criteria_.least_shrink;
+    say(out, "least_explained", out.explained, criteria_.least_shrink, enough,
+        "part of the gap that the effects explain, where they were fitted and where they were not");
+    if (!enough) return without_effects;
     const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,

@@ -108,23 +108,29 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     const double own = model.score - model.fit.total +
                        evidence_with_form(choice.rows, model.fit, form.size, form.innovation);
     all.erase(mine);
-    double best = -std::numeric_limits<double>::infinity(), left = best;
-    for (const auto& [name, c] : all)
-      if (c.score > best) best = c.score, left = c.left;
+    // What is as good shares the probability; what is not is what it is measured against.
+    const double indistinct = choice.criteria().indistinct;
+    double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0;
+    for (const auto& [name, c] : all) {
+      if (!name.empty() && std::abs(c.score - own) <= indistinct)
+        alike += std::exp((c.score - own) / by.temperature);
+      else if (c.score > best)
+        best = c.score, left = c.left;
+    }
     const double mine_left = energy(model.fit.residual, floor),
                  size = energy(own_contribution(model, k), floor) + 1e-300;
     out.grounds[k][Ground::evidence] = std::asinh(own - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
-    out.probability[k] = by.probability(mine, out.grounds[k]);
+    out.probability[k] = by.probability(mine, out.grounds[k]) / alike;
     const double form_part = form_of(choice.criteria(), *model.effects[k].h);
     for (const GapModel& m : others) {
       const Hypothesis& h = *m.effects.back().h;
       std::vector<std::string>& aliases = out.aliases[k];
       // As good a fit, or what the forms of the two can be blamed for.
       const double part = std::max(form_part, form_of(choice.criteria(), h));
-      const bool alike = m.fit.total > model.fit.total - choice.criteria().indistinct ||
-                         energy(m.fit.residual, floor) - mine_left < part * part * size;
-      if (h.name() != mine && alike && std::find(aliases.begin(), aliases.end(), h.name()) == aliases.end())
+      const bool as_good = m.fit.total > model.fit.total - indistinct ||
+                           energy(m.fit.residual, floor) - mine_left < part * part * size;
+      if (h.name() != mine && as_good && std::find(aliases.begin(), aliases.end(), h.name()) == aliases.end())
         aliases.push_back(h.name());
     }
     if (k != order.front()) continue;

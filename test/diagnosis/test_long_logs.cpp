@@ -119,7 +119,7 @@ TEST(LongLogs, SameNamesBoundedMemory) {
   EXPECT_LE(width(longer), width(brief));
   if (longer.grown < 0) GTEST_SKIP() << "the system does not say how much memory is used";
   // Eight times the log. Kept whole, the columns of all grid points would make it eight times the memory.
-  EXPECT_LT(longer.grown, 3 * brief.grown) << brief.grown << " kB, " << longer.grown << " kB";
+  EXPECT_LE(longer.grown, 3 * brief.grown) << brief.grown << " kB, " << longer.grown << " kB";
 }
 
 }  // namespace
