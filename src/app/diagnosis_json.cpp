@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // `dynid-diagnosis-1`: one function for each part of it.
+#include <cmath>
 #include "app/serialise.hpp"
+
 #include "diagnosis/joint_shrink.hpp"
 
 namespace dynid {
@@ -121,13 +123,20 @@ nlohmann::json rollout_json(const Rollout& rollout) {
           {"after", to_json(rollout.after)}};
 }
 
+/// A joint without a gap has no part of it that goes: null, as JSON has no other word for it.
+nlohmann::json known_json(const Eigen::VectorXd& x) {
+  nlohmann::json out = nlohmann::json::array();
+  for (const double value : x) out.push_back(std::isfinite(value) ? nlohmann::json(value) : nlohmann::json());
+  return out;
+}
+
 nlohmann::json joint_shrink_json(const Diagnosis& d) {
   const detail::JointShrink s = detail::joint_shrink(d.series, d.floor, shrink_seed);
   return {{"before", to_json(s.before)},
           {"after", to_json(s.after)},
-          {"fraction", to_json(s.fraction)},
-          {"low", to_json(s.low)},
-          {"high", to_json(s.high)}};
+          {"fraction", known_json(s.fraction)},
+          {"low", known_json(s.low)},
+          {"high", known_json(s.high)}};
 }
 
 nlohmann::json shrink_json(const Diagnosis& d) {

@@ -140,15 +140,16 @@ json shrink_view(const json& json_of) {
   json joints = json::array();
   std::vector<std::string> units;
   for (std::size_t j = 0; j < of.at("before").size(); ++j) {
-    const double fraction = of.at("fraction").at(j);
+    const json& part = of.at("fraction").at(j);
+    const bool known = adopted && part.is_number();
     json row = {{"joint", j + 1},
                 {"before", page_number(of.at("before").at(j))},
                 {"after", page_number(of.at("after").at(j))},
                 {"floor", page_number(floor.at(j))},
-                {"gap", adopted && std::isfinite(fraction)},
-                {"no_gap", adopted && !std::isfinite(fraction)}};
+                {"gap", known},
+                {"no_gap", adopted && !known}};
     if (row.at("gap")) {
-      const double low = of.at("low").at(j), high = of.at("high").at(j);
+      const double fraction = part, low = of.at("low").at(j), high = of.at("high").at(j);
       const double left = std::clamp(low, 0.0, 1.0), right = std::clamp(high, 0.0, 1.0);
       row["fraction"] = page_percent(fraction);
       row["interval"] = page_percents(low, high);

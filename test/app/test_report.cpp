@@ -196,7 +196,7 @@ TEST(Report, BeginsWithWhatTheLogCanAnswer) {
   d.answerable.joints.assign(7, JointExcitation{});
   d.answerable.blind = {{"no_reversal", {3}, "joint 3 never turns back <here>"}};
   const ReportContext context{"panda", {"a.csv"}, "the command", "1", false};
-  EXPECT_EQ(to_html(d, context).find("--assume"), std::string::npos);
+  EXPECT_EQ(to_html(d, context).find("<pre>--assume"), std::string::npos);
   d.conventions.assume = "torque_sign=-1";
   d.conventions.conventions = {{"torque_sign", {}, -1.0, -2.0, 0.97, "torque_sign=-1", "turned <all>"}};
   const std::string html = to_html(d, context);
