@@ -30,7 +30,11 @@ def robot(source, base="", tip="", gravity=None):
             made = _core.Robot.from_file(text, base, tip)
     else:
         raise TypeError(f"a robot is expected (Robot, path, text, mujoco.MjModel), not {kind}")
-    return made if gravity is None else made.replace(gravity=gravity)
+    if gravity is None:
+        return made
+    import numpy as np
+
+    return made.replace(gravity=np.asarray(gravity, dtype=float))
 
 
 def log(*, t=None, q, dq=None, tau=None, u=None, ddq=None, i=None, rate=0.0, source="arrays"):

@@ -11,6 +11,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <limits>
 #include <mutex>
 #include <sstream>
@@ -22,6 +23,7 @@
 #include "dynid/app/text.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/effect/catalogue.hpp"
 #include "log.hpp"
 #include "python_effect.hpp"
 
@@ -260,6 +262,18 @@ nb::dict simulate(const PyRobot& robot, const std::optional<Eigen::MatrixXd>& mo
   return out;
 }
 
+/// The model with the effects found, but for those of the caller's own, which no model file can say.
+std::optional<ModelFile> patch_of(const DiagnoseReport& report) {
+  DiagnoseReport sayable = report;
+  auto& effects = sayable.diagnosis.effects;
+  effects.erase(std::remove_if(effects.begin(), effects.end(),
+                               [](const FoundEffect& found) {
+                                 return find_effect_schema(found.effect.name) == nullptr;
+                               }),
+                effects.end());
+  return sayable.patch();
+}
+
 nb::dict diagnose(const PyRobot& model, const Logs& logs, const PyLog& reference,
                   const std::vector<std::string>& withhold, const std::string& assume, double cutoff,
                   double tolerance, unsigned seed, bool replay, const std::vector<nb::object>& effects,
@@ -282,10 +296,8 @@ nb::dict diagnose(const PyRobot& model, const Logs& logs, const PyLog& reference
   const auto report = std::make_shared<DiagnoseReport>(run_job(std::move(job), progress));
   nb::dict out = answer(*report);
   out["succeeded"] = report->succeeded();
-  if (const auto patch = report->patch())
-    out["patch"] = robot_object(*patch, "patched");
-  else
-    out["patch"] = nb::none();
+  out["patch"] = nb::none();
+  if (const auto patch = patch_of(*report)) out["patch"] = robot_object(*patch, "patched");
   out["next_motion"] = motion_object(report->diagnosis.next.motion);
   DiagnoseCommand command;
   command.model = model.source;

@@ -48,7 +48,9 @@ std::size_t count_of(const PyRobot& robot, const Rows& x, const char* name, bool
   return batch ? x.shape(0) : 1;
 }
 
-void check_alike(const Rows& x, const Rows& q, const char* name) {
+void check_alike(const PyRobot& robot, const Rows& x, const Rows& q, const char* name) {
+  bool batch = false;
+  count_of(robot, q, "q", batch);  // q first: the others are measured by it
   bool alike = x.ndim() == q.ndim();
   for (std::size_t k = 0; alike && k < q.ndim(); ++k) alike = x.shape(k) == q.shape(k);
   if (!alike) throw Error(std::string(name) + ": another shape than q");
@@ -80,8 +82,8 @@ void bind_kernels(nb::class_<PyRobot>& robot) {
       .def(
           "rnea",
           [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& ddq, bool rotor_inertia) {
-            check_alike(dq, q, "dq");
-            check_alike(ddq, q, "ddq");
+            check_alike(r, dq, q, "dq");
+            check_alike(r, ddq, q, "ddq");
             const auto n = static_cast<std::size_t>(r.model.robot.size());
             return evaluate(r, q, {n}, [&](std::ptrdiff_t count, double* out) {
               kernels().rnea(r.model.robot, count, q.data(), dq.data(), ddq.data(),
@@ -98,8 +100,8 @@ void bind_kernels(nb::class_<PyRobot>& robot) {
       .def(
           "regressor",
           [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& ddq) {
-            check_alike(dq, q, "dq");
-            check_alike(ddq, q, "ddq");
+            check_alike(r, dq, q, "dq");
+            check_alike(r, ddq, q, "ddq");
             const auto n = static_cast<std::size_t>(r.model.robot.size());
             return evaluate(r, q, {n, 10 * n}, [&](std::ptrdiff_t count, double* out) {
               kernels().regressor(r.model.robot, count, q.data(), dq.data(), ddq.data(), out);
@@ -123,7 +125,7 @@ void bind_kernels(nb::class_<PyRobot>& robot) {
       .def(
           "coriolis",
           [](const PyRobot& r, const Rows& q, const Rows& dq) {
-            check_alike(dq, q, "dq");
+            check_alike(r, dq, q, "dq");
             const auto n = static_cast<std::size_t>(r.model.robot.size());
             return evaluate(r, q, {n, n}, [&](std::ptrdiff_t count, double* out) {
               kernels().coriolis(r.model.robot, count, q.data(), dq.data(), out);
@@ -145,8 +147,8 @@ void bind_kernels(nb::class_<PyRobot>& robot) {
       .def(
           "forward_dynamics",
           [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& tau, bool rotor_inertia) {
-            check_alike(dq, q, "dq");
-            check_alike(tau, q, "tau");
+            check_alike(r, dq, q, "dq");
+            check_alike(r, tau, q, "tau");
             const auto n = static_cast<std::size_t>(r.model.robot.size());
             return evaluate(r, q, {n}, [&](std::ptrdiff_t count, double* out) {
               kernels().forward(r.model.robot, count, q.data(), dq.data(), tau.data(),

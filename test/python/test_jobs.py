@@ -123,8 +123,9 @@ def test_an_effect_of_ones_own_is_named(panda):
     own = dynid.Effect("magnet", lambda motion, j: np.sin(3 * motion.q[:, j]), [("size", "N m")])
     gap = dynid.diagnose(panda, changed, effects=[own], withhold=["torque_ripple"], replay=False)
     assert [(e.name, e.joints) for e in gap.effects][:1] == [("magnet", [4])]
-    assert gap.effects[0].parameters["size"].value == pytest.approx(1.5, abs=0.15) or \
-        gap.effects[0].parameters["size"].value[0] == pytest.approx(1.5, abs=0.15)
+    # One value a joint, base to tip.
+    assert gap.effects[0].parameters["size"].value == pytest.approx([0, 0, 0, 1.5, 0, 0, 0], abs=0.15)
+    assert (gap.patch is None) == all(e.name == "magnet" for e in gap.effects)  # no model file can say it
     with pytest.raises(dynid.Error, match="effect 'broken': .*no attribute"):
         dynid.diagnose(panda, changed, effects=[dynid.Effect("broken", lambda motion, j: motion.nothing)], replay=False)
 

@@ -22,8 +22,26 @@ def full_mass_matrix(model, data):
     return M
 
 
+def body_of(model, name):
+    """Its index: by its name, or where it has none by the library's `body9`."""
+    try:
+        return model.body(name).id
+    except KeyError:
+        return int(name[len("body"):])
+
+
+def joint_of(model, name):
+    """By its name, or where it has none by its body's, as the library names it."""
+    try:
+        return model.joint(name)
+    except KeyError:
+        body = body_of(model, name[: -len("_joint")])
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        return next(model.joint(j) for j in range(first, first + count) if not model.joint(j).name)
+
+
 def addresses(model, robot):
-    joints = [model.joint(name) for name in robot.joint_names]
+    joints = [joint_of(model, name) for name in robot.joint_names]
     return [int(j.qposadr[0]) for j in joints], [int(j.dofadr[0]) for j in joints]
 
 
@@ -49,8 +67,8 @@ def compare(model, robot, tip, count=20, beside_at_reference=True):
         if tip and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, tip) >= 0:
             mujoco.mj_jacSite(model, data, linear, angular, model.site(tip).id)
         else:
-            mujoco.mj_jacBody(model, data, linear, angular, model.body(robot.tip_link).id)
-        base = data.body(robot.base_link).xmat.reshape(3, 3)  # its axes are those of ours
+            mujoco.mj_jacBody(model, data, linear, angular, body_of(model, robot.tip_link))
+        base = data.xmat[body_of(model, robot.base_link)].reshape(3, 3)  # its axes are those of ours
         wanted = np.vstack([base.T @ linear, base.T @ angular])[:, dof]
         assert np.abs(wanted - robot.jacobian(q)).max() <= 1e-10
 
