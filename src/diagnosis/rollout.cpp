@@ -100,13 +100,13 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
 
   std::vector<FoundEffect> here = effects;
   const bool other_log = rows.log.front() != rows.log.back();  // a window of time is not of this log
-  if (other_log)
-    here.erase(std::remove_if(here.begin(), here.end(),
-                              [](const FoundEffect& e) {
-                                const Hypothesis* h = find_hypothesis(e.effect);
-                                return h != nullptr && h->scope() == Scope::window;
-                              }),
-               here.end());
+  // An effect of the caller's own has no place in a model.
+  here.erase(std::remove_if(here.begin(), here.end(),
+                            [&](const FoundEffect& e) {
+                              const Hypothesis* h = find_hypothesis(e.effect);
+                              return h == nullptr || (other_log && h->scope() == Scope::window);
+                            }),
+             here.end());
   const Robot with = patched(nominal, here);
   Replay replays[2] = {Replay(nominal), Replay(with)};
   std::vector<Eigen::MatrixXd> added(motions.size());
