@@ -14,8 +14,8 @@ void add_effects_view(const nlohmann::json& json, nlohmann::json& view);
 /// The table of joints and regimes, and the windows: `joints`, `columns`, `regimes`, `windows`, `any_window`.
 void add_where_view(const nlohmann::json& json, nlohmann::json& view);
 
-/// The first panel, whether the log can answer: what was recorded, how the joints move, how the logs are read,
-/// what could not be seen on them.
+/// The first panel, whether the log can answer: what was recorded, how the joints move, how the logs are
+/// read, what could not be seen on them.
 nlohmann::json answerable_view(const nlohmann::json& json);
 
 /// The file's name without its folder.

@@ -8,8 +8,8 @@
 
 namespace dynid::detail {
 
-/// Of each joint, the largest of x (n) over the joints that slide as it does, or turn as it does: the torques of
-/// the others have another unit.
+/// Of each joint, the largest of x (n) over the joints that slide as it does, or turn as it does: the torques
+/// of the others have another unit.
 inline Eigen::VectorXd largest_alike(const Robot& robot, const Eigen::VectorXd& x) {
   double largest[2] = {0.0, 0.0};
   const auto slides = [&robot](Eigen::Index j) {

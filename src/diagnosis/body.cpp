@@ -15,8 +15,8 @@ bool is_body(const StandardParameters& p) {
 }
 
 StandardParameters nearest_body(const StandardParameters& c, const Eigen::MatrixXd& information) {
-  // Of the distance, relatively; and, as that is in units of log evidence, what says nothing. Without it a c at
-  // the very border takes as many steps as a double has powers of ten.
+  // Of the distance, relatively; and, as that is in units of log evidence, what says nothing. Without it a c
+  // at the very border takes as many steps as a double has powers of ten.
   constexpr double gap = 1e-6, nothing = 1e-4;
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;

@@ -6,8 +6,8 @@
 
 namespace dynid::detail {
 
-/// Eq. (25) with viscous term and offset for the differences of joint j (Section IV-B), by fit_friction(); the
-/// columns pass through the filter of the rows.
+/// Eq. (25) with viscous term and offset for the differences of joint j (Section IV-B), by fit_friction();
+/// the columns pass through the filter of the rows.
 SigmoidJoint fit_sigmoid(const FitProblem& problem, const RegressionFit& fit, const RowWeights& weights,
                          int j);
 
