@@ -63,7 +63,8 @@ class Judge {
     }
   }
 
-  /// Weighs what is left, all of it together, and names of it what is more likely there than not.
+  /// Weighs what is left, all of it together, and names of it what is more likely there than not, itself or
+  /// what is as good in its place.
   void weigh(Judged& out) const {
     const Ranked all = rank(choice_, out.model, out.shares, noise_);
     out.ranked.ranking = all.ranking;
@@ -75,7 +76,11 @@ class Judge {
         for (const int j : e.h->joints(choice_.rows.motions().front().robot(), u.unit))
           here.joints.push_back(j);
       out.considered.push_back(std::move(here));
-      if (all.probability[k] < criteria_.least_probability) continue;
+      if (all.together[k] < criteria_.least_probability) {
+        out.judgement.push_back({"least_probability", all.together[k], criteria_.least_probability, false,
+                                 "probability of " + e.h->name() + ", which is therefore not named"});
+        continue;
+      }
       likely.push_back(e);
       out.ranked.probability.push_back(all.probability[k]);
       out.ranked.aliases.push_back(all.aliases[k]);
@@ -107,10 +112,6 @@ class Judge {
                                     : there && unexplained(model_of_none(model), model.kappa)
                                         ? Verdict::unexplained
                                         : Verdict::not_detected;
-    for (const ConsideredEffect& e : out.considered)
-      if (e.probability < criteria_.least_probability)
-        out.judgement.push_back({"least_probability", e.probability, criteria_.least_probability, false,
-                                 "probability of " + e.name + ", which is therefore not named"});
     if (model.effects.empty()) {
       say(out, "structure", structure, criteria_.detection, structure <= criteria_.detection,
           "chance that a gap unrelated to the motion is explained as well by any effect");

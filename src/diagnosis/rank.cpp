@@ -81,6 +81,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
   const Calibration& by = calibration();
   const std::size_t count = model.effects.size();
   Ranked out{std::vector<double>(count),
+             std::vector<double>(count),
              std::vector<std::vector<std::string>>(count),
              {},
              grounds_of(choice, model, shares, floor)};
@@ -121,7 +122,8 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
                  size = energy(own_contribution(model, k), floor) + 1e-300;
     out.grounds[k][Ground::evidence] = std::asinh(own - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
-    out.probability[k] = by.probability(mine, out.grounds[k]) / alike;
+    out.together[k] = by.probability(mine, out.grounds[k]);
+    out.probability[k] = out.together[k] / alike;
     const double form_part = form_of(choice.criteria(), *model.effects[k].h);
     for (const GapModel& m : others) {
       const Hypothesis& h = *m.effects.back().h;

@@ -11,6 +11,7 @@ namespace dynid::detail {
 /// How probable each effect of a set is within it, and which others could stand in its place.
 struct Ranked {
   std::vector<double> probability;  ///< of each effect of the set
+  std::vector<double> together;     ///< of it, or of one that is as good in its place
   std::vector<std::vector<std::string>> aliases;
   /// Of every effect of the library: to be the first; most probable first.
   std::vector<RankedEffect> ranking;
