@@ -218,7 +218,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.considered = judged.considered;
   // Where a joint sticks is a place of the gap too.
   const GapRows shown(spread, choice->split.to_fit);
-  out.where = locate(shown, out.floor, surrogates(shown, shown.y, options.surrogates, options.seed));
+  out.where = locate(shown, everything.white_floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
 

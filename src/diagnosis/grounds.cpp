@@ -11,8 +11,10 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double least_shown = 25.0;  // energy in units of the floor: five standard deviations of noise
-constexpr double tiny = 1e-6;         // of shares and ratios: their logarithm ends there
+// Energy that an effect has to have in rows that are to judge it: in units of the floor, five standard
+// deviations of noise; and of what it has where it was found.
+constexpr double least_shown = 25.0, least_part_shown = 0.01;
+constexpr double tiny = 1e-6;  // of shares and ratios: their logarithm ends there
 
 /// Rows in which an effect can be judged, and what each effect adds there with what was fitted elsewhere.
 struct Trial {
@@ -84,7 +86,9 @@ std::vector<Grounds> grounds_of(const Choice& choice, const GapModel& model,
                            within);
   const Eigen::VectorXd before = by_joint(choice.rows.y, floor), after = by_joint(model.fit.residual, floor);
   const auto judged = [&](std::size_t k) -> const Trial& {
-    const bool shows = energy(held.own[k], floor) * double(held.rows.size()) > least_shown;
+    const double there = energy(held.own[k], floor);
+    const bool shows = there * double(held.rows.size()) > least_shown &&
+                       there > least_part_shown * energy(near.own[k], floor);
     return choice.split.alone || model.effects[k].h->once() || !shows ? near : held;
   };
   const Eigen::MatrixXd held_left = left_in(held, model.kappa), near_left = left_in(near, within.kappa);
