@@ -79,23 +79,28 @@ std::vector<Grounds> grounds_of(const Choice& choice, const GapModel& model,
   std::vector<Grounds> out(count);
   if (count == 0) return out;
   // What does not come back, or does not act in the rows that judge, can only be judged beside where it was
-  // found.
+  // found; and what is too brief for that, where it was found.
   const GapModel within = fitted_within(choice.rows, model);
   const Trial held = trial(choice.held, model),
               near = trial(GapRows(choice.rows, alternate(choice.rows, false, within_length(choice.rows), 1)),
                            within);
   const Eigen::VectorXd before = by_joint(choice.rows.y, floor), after = by_joint(model.fit.residual, floor);
-  const auto judged = [&](std::size_t k) -> const Trial& {
-    const double there = energy(held.own[k], floor);
-    const bool shows = there * double(held.rows.size()) > least_shown &&
-                       there > least_part_shown * energy(near.own[k], floor);
-    return choice.split.alone || model.effects[k].h->once() || !shows ? near : held;
+  const Trial found = trial(choice.rows, model);
+  const auto shows = [&](const Trial& t, std::size_t k) {
+    const double there = energy(t.own[k], floor);
+    return there * double(t.rows.size()) > least_shown &&
+           there > least_part_shown * energy(found.own[k], floor);
   };
-  const Eigen::MatrixXd held_left = left_in(held, model.kappa), near_left = left_in(near, within.kappa);
+  const auto judged = [&](std::size_t k) -> const Trial& {
+    if (!choice.split.alone && !model.effects[k].h->once() && shows(held, k)) return held;
+    return shows(near, k) ? near : found;
+  };
+  const Eigen::MatrixXd held_left = left_in(held, model.kappa), near_left = left_in(near, within.kappa),
+                        &found_left = model.fit.residual;
   for (std::size_t k = 0; k < count; ++k) {
     Grounds& g = out[k];
     const Trial& t = judged(k);
-    const Eigen::MatrixXd& left = &t == &held ? held_left : near_left;
+    const Eigen::MatrixXd& left = &t == &held ? held_left : &t == &near ? near_left : found_left;
     const double own = energy(t.own[k], floor);
     g[Ground::transfer] =
         own > 0.0 ? std::clamp((energy(left + t.own[k], floor) - energy(left, floor)) / own, -1.0, 1.0) : 0.0;
