@@ -217,8 +217,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.judgement = judged.judgement;
   out.considered = judged.considered;
   // Where a joint sticks is a place of the gap too.
-  const GapRows shown(spread, choice->split.to_fit);
-  out.where = locate(shown, everything.white_floor, surrogates(shown, shown.y, options.surrogates, options.seed));
+  const GapRows& shown = spread;
+  out.where =
+      locate(shown, everything.white_floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
 

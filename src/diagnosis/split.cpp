@@ -11,7 +11,7 @@
 namespace dynid::detail {
 namespace {
 
-constexpr Eigen::Index guard = 4;                        // rows: what the filter spreads
+constexpr Eigen::Index guard = 4;                       // rows: what the filter spreads
 constexpr double block_rows = 22.0, within_rows = 8.0;  // at least
 
 /// There is a gap in the rows, beyond what an inexact nominal leaves.
