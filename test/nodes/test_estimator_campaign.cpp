@@ -570,7 +570,8 @@ TEST_F(EstimatorNode, ParameterOutOfRange) {
   expect("model: not set", "");
   expect("model: /nowhere.yaml", "_model:=/nowhere.yaml");
   expect("gain: -1 is not in (0, 1000]", model + "_gain:=-1");
-  expect("gain: a list of numbers is needed, this is a text", model + "_gain:=much");
+  expect("gain: a list of numbers is needed, such as [0, 0, -9.81], this is the text 'much'",
+         model + "_gain:=much");
   expect("contact_release: 1.5 is not in [0, 1]", model + "_contact_release:=1.5");
   expect("acceleration_cutoff: 0 is not in [0.1, 1000]", model + "_acceleration_cutoff:=0");
   expect("acceleration: 'guessed' is none of estimated, zero", model + "_acceleration:=guessed");
