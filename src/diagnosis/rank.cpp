@@ -94,8 +94,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     for (const auto& [name, c] : all) {
       const double part = std::exp((c.score - top) / by.temperature) / sum;
       if (!name.empty())
-        ranking[name] = {name, c.score == top ? certain : std::min(part, (1.0 - certain) * part),
-                         c.explained};
+        ranking[name] = {name, c.score == top ? certain : (1.0 - certain) * part, c.explained};
     }
   };
   const std::vector<std::size_t> order = by_share(shares);
