@@ -159,7 +159,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.rms = rms(everything.y);
   out.floor = everything.white_floor;
   for (const Joint& joint : nominal.joints) out.unit.push_back(joint_units(joint.type).torque);
-  const std::vector<DataIssue> invalid = unusable(logs, out.logs);
+  const std::vector<DataIssue> invalid = unusable(logs, out.logs, joint_scales(nominal));
   for (PreparedLog& log : out.logs) log.segments.clear();
   if (!out.conventions.conventions.empty()) {
     refuse(everything, parts.to_judge, Verdict::misread, out);
