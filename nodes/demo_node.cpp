@@ -22,6 +22,7 @@
 #include "app/serialise.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "ros/joint_state.hpp"
@@ -44,11 +45,7 @@ std::string in_a_row(const VectorXd& x) {
   return text;
 }
 
-std::string number(double x, int digits = 3) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.*g", digits, x);
-  return text;
-}
+std::string number(double x, int digits = 3) { return short_number(x, digits); }
 
 std::vector<std::string> names(const Robot& robot) {
   std::vector<std::string> list;

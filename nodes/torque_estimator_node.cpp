@@ -18,6 +18,7 @@
 #include <memory>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/model/yaml.hpp"
 #include "ros/estimator_core.hpp"
 #include "ros/estimator_diagnostics.hpp"
@@ -156,9 +157,7 @@ class TorqueEstimatorNode {
     const LinkInertia payload = read_estimator_payload(parameters_);
     core_.adopt(model(setup_.model.file.robot, payload));
     setup_.payload = payload;
-    char text[64];
-    std::snprintf(text, sizeof text, "payload of %g kg", payload.mass);
-    return text;
+    return "payload of " + short_number(payload.mass) + " kg";
   }
 
   std::string load_parameters() {

@@ -155,7 +155,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   for (const Log& log : logs) out.logs.push_back(prepare(log, band));
 
   say("nominal model", 0.05);
-  const std::vector<DataIssue> invalid = unusable(logs, out.logs);
+  const std::vector<DataIssue> invalid = unusable(logs, out.logs, joint_scales(nominal));
   out.answerable = can_answer(nominal, logs, out.logs);
   GapRows everything(nominal, out.logs);
   const int count = static_cast<int>(logs.size());

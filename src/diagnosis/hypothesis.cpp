@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/effect/complete.hpp"
 #include "dynid/effect/derived.hpp"
 #include "dynid/signal/filter.hpp"
@@ -19,6 +20,28 @@ std::pair<int, int> pair_of(int n, int unit) {
   const bool neighbours = unit < n - 1;
   const int first = neighbours ? unit : unit - (n - 1);
   return {first, first + (neighbours ? 1 : 2)};
+}
+
+JointScale arm_scale(const std::vector<JointScale>& joints, double reach) {
+  std::vector<double> durations, torques;
+  for (const JointScale& s : joints) {
+    durations.push_back(s.duration());
+    torques.push_back(s.torque);
+  }
+  JointScale arm;
+  arm.type = JointType::prismatic;
+  arm.travel = reach;
+  arm.speed = reach / median(durations);
+  arm.torque = median(torques) / reach;
+  arm.sampling = joints.front().sampling;
+  return arm;
+}
+
+std::vector<ShapeParameter> Hypothesis::shape_of(int unit, const std::vector<JointScale>& joints,
+                                                 double reach) const {
+  if (scope() == Scope::arm || scope() == Scope::window) return shape_on(arm_scale(joints, reach));
+  const int joint = scope() == Scope::pair ? pair_of(static_cast<int>(joints.size()), unit).first : unit;
+  return shape_on(joints[static_cast<std::size_t>(joint)]);
 }
 
 int Hypothesis::units(const Robot& robot) const {

@@ -12,6 +12,8 @@
 namespace dynid::detail {
 namespace {
 
+constexpr double difference = 1e-3;  // of a shape parameter, in parts of its scale
+
 /// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
 struct Values {
   std::vector<std::string> keys, units;
@@ -49,15 +51,21 @@ struct ShapeSlopes {
   std::vector<std::pair<std::size_t, Eigen::Index>> of;  // unit, shape parameter
 };
 ShapeSlopes shape_slopes(const GapRows& rows, const Adopted& e, const Eigen::VectorXd& theta) {
-  const std::vector<ShapeParameter> shape = e.h->shape();
   ShapeSlopes out;
   Eigen::Index offset = 0;
   for (std::size_t k = 0; k < e.units.size(); ++k) {
     const UnitShape& u = e.units[k];
     const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+    const std::vector<ShapeParameter> shape = rows.shape(*e.h, u.unit);
+    const bool window = e.h->scope() == Scope::window;
     for (Eigen::Index s = 0; s < u.shape.size(); ++s) {
-      if (shape[static_cast<std::size_t>(s)].points < 3 && e.h->scope() != Scope::window) continue;
-      const double step = e.h->scope() == Scope::window ? 1e-3 : 1e-3 * std::max(std::abs(u.shape[s]), 1e-3);
+      const ShapeParameter& of = shape[static_cast<std::size_t>(s)];
+      if (of.points < 3 && !window) continue;
+      // A window's ends have no scale but the time between the rows.
+      const double size = window && s < 2  ? rows.period()
+                          : of.logarithmic ? std::abs(u.shape[s])
+                                           : of.high - of.low;
+      const double step = difference * size;
       Eigen::VectorXd ahead = u.shape, behind = u.shape;
       ahead[s] += step;
       behind[s] -= step;

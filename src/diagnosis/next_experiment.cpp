@@ -16,18 +16,16 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double rate = 100.0;         // [Hz] of candidate motions
-constexpr double duration = 10.0;      // [s]
-constexpr double told_apart = 4.0;     // D: a likelihood ratio of e^4
-constexpr int points = 4;              // of an alias' shape grid, in each direction
-constexpr double default_speed = 1.0;  // [rad/s] where a joint has no limit
+constexpr double rate = 100.0;      // [Hz] of candidate motions
+constexpr double duration = 10.0;   // [s]
+constexpr double told_apart = 4.0;  // D: a likelihood ratio of e^4
+constexpr int points = 4;           // of an alias' shape grid, in each direction
+constexpr double small = 0.04;      // of a motion's swing: where reversals turn
 
 struct Candidate {
   const char* what;  // imperative
   Trajectory motion;
 };
-
-double limit(double x, double otherwise) { return std::isfinite(x) ? x : otherwise; }
 
 /// A motion that turns `factor` times as often as the usual one, as large as the limits then allow.
 Trajectory paced(const Robot& robot, double factor, unsigned long seed) {
@@ -57,12 +55,11 @@ Trajectory reversals(const Robot& robot, unsigned long seed) {
   options.base_frequency = 0.4;
   Trajectory motion = random_motion(robot, duration, seed, options);
   for (Eigen::Index j = 0; j < motion.q.cols(); ++j) {
-    const double swing = 0.5 * (motion.q.col(j).maxCoeff() - motion.q.col(j).minCoeff());
-    const double scale = std::min(1.0, 0.05 / swing), middle = motion.q.col(j).mean();
-    motion.q.col(j) = (middle + scale * (motion.q.col(j).array() - middle)).matrix();
-    motion.dq.col(j) *= scale;
-    motion.ddq.col(j) *= scale;
+    const double middle = motion.q.col(j).mean();
+    motion.q.col(j) = (middle + small * (motion.q.col(j).array() - middle)).matrix();
   }
+  motion.dq *= small;
+  motion.ddq *= small;
   return motion;
 }
 
@@ -71,13 +68,13 @@ Trajectory poses(const Robot& robot, const Trajectory& through) {
   Trajectory motion = through;
   motion.source = "static poses";
   constexpr double hold = 1.0, move = 1.5;
+  const std::vector<JointScale> scales = joint_scales(robot);
   const auto stops = static_cast<Eigen::Index>(duration / (hold + move)) + 1;
   Eigen::MatrixXd at(stops, through.q.cols());
   for (Eigen::Index k = 0; k < stops; ++k) {
     at.row(k) = through.q.row(k * (through.samples() - 1) / stops);
     for (Eigen::Index j = 0; k > 0 && j < at.cols(); ++j) {
-      const double speed =
-          0.8 * limit(robot.joints[static_cast<std::size_t>(j)].limits.velocity, default_speed);
+      const double speed = 0.8 * scales[static_cast<std::size_t>(j)].speed;
       const double reach = speed * move / 1.875;  // the quintic's peak speed
       at(k, j) = std::clamp(at(k, j), at(k - 1, j) - reach, at(k - 1, j) + reach);
     }
@@ -114,10 +111,10 @@ Eigen::MatrixXd weighted(const ColumnBlock& block, const GapMotion& motion, cons
   return out;
 }
 
-/// Every combination of values of an effect's shape parameters.
-std::vector<Eigen::VectorXd> shapes(const Hypothesis& h) {
+/// Every combination of values of the shape parameters of one unit of an effect: as many for every unit.
+std::vector<Eigen::VectorXd> shapes(const std::vector<ShapeParameter>& parameters) {
   std::vector<Eigen::VectorXd> all = {Eigen::VectorXd(0)};
-  for (const ShapeParameter& p : h.shape()) {
+  for (const ShapeParameter& p : parameters) {
     std::vector<Eigen::VectorXd> wider;
     const int count = std::min(points, std::max(1, p.points));
     for (const Eigen::VectorXd& s : all) {
@@ -146,10 +143,16 @@ double distinguishability(const Robot& robot, const Effect& i, const Hypothesis&
   // j on the joints that i has; one unit of it at a time where it has one only.
   double left = torque.squaredNorm();
   const bool several = j.scope() == Scope::joint;
-  for (const Eigen::VectorXd& shape : shapes(j)) {
+  const std::vector<JointScale> scales =
+      joint_scales(robot, motion.q, motion.dq, motion.ddq, Eigen::MatrixXd(), 1.0 / rate);
+  std::vector<std::vector<Eigen::VectorXd>> tried;
+  for (int unit = 0; unit < j.units(robot); ++unit)
+    tried.push_back(shapes(j.shape_of(unit, scales, arm_reach(robot))));
+  for (std::size_t k = 0; !tried.empty() && k < tried.front().size(); ++k) {
     std::vector<Eigen::MatrixXd> trials;
     Eigen::MatrixXd together(torque.size(), 0);
     for (int unit = 0; unit < j.units(robot); ++unit) {
+      const Eigen::VectorXd& shape = tried[static_cast<std::size_t>(unit)][k];
       const Eigen::MatrixXd columns = weighted(j.columns(motion, unit, shape), motion, floor);
       if (!several) {
         trials.push_back(columns);
@@ -234,7 +237,8 @@ NextExperiment next_experiment(const Robot& nominal, const Diagnosis& diagnosis)
   candidates.push_back({"the same kind of motion again, within all limits", usual});
   candidates.push_back({"a slow motion, at 0.4 times the speed", slowed(usual, 0.4)});
   candidates.push_back({"a faster motion, turning 1.5 times as often", paced(nominal, 1.5, seed)});
-  candidates.push_back({"small reversals: turns of 0.05 rad, several a second", reversals(nominal, seed)});
+  candidates.push_back(
+      {"small reversals: turns of a twenty-fifth of the usual, several a second", reversals(nominal, seed)});
   candidates.push_back({"static poses, each held for a second", poses(nominal, usual)});
 
   const double rows_per_sample = std::min(1.0, 2.5 * diagnosis.cutoff / rate);

@@ -12,8 +12,7 @@ namespace dynid::detail {
 namespace {
 
 /// What is usual besides start and duration, for a start.
-Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
-  const std::vector<ShapeParameter> parameters = h.shape();
+Eigen::VectorXd window_shape(const std::vector<ShapeParameter>& parameters, double from, double to) {
   Eigen::VectorXd shape(static_cast<Eigen::Index>(parameters.size()));
   shape.head<2>() << from, to - from;
   for (std::size_t s = 2; s < parameters.size(); ++s) {
@@ -25,9 +24,8 @@ Eigen::VectorXd window_shape(const Hypothesis& h, double from, double to) {
 
 /// All of the log: the usual shape, and each parameter that is linear at its end; the windows are scanned for
 /// what all of them span.
-std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
-  const std::vector<ShapeParameter> parameters = h.shape();
-  std::vector<Eigen::VectorXd> points = {window_shape(h, -1e12, 1e12)};
+std::vector<Eigen::VectorXd> window_points(const std::vector<ShapeParameter>& parameters) {
+  std::vector<Eigen::VectorXd> points = {window_shape(parameters, -1e12, 1e12)};
   for (std::size_t s = 2; s < parameters.size(); ++s) {
     if (parameters[s].logarithmic) continue;
     points.push_back(points.front());
@@ -37,8 +35,8 @@ std::vector<Eigen::VectorXd> window_points(const Hypothesis& h) {
 }
 
 /// A window's shape with its linear parameters at `place`, in parts of their highest values.
-Eigen::VectorXd placed(const Hypothesis& h, Eigen::VectorXd shape, const Eigen::VectorXd& place) {
-  const std::vector<ShapeParameter> parameters = h.shape();
+Eigen::VectorXd placed(const std::vector<ShapeParameter>& parameters, Eigen::VectorXd shape,
+                       const Eigen::VectorXd& place) {
   Eigen::Index k = 0;
   for (std::size_t s = 2; s < parameters.size(); ++s)
     if (!parameters[s].logarithmic) shape[static_cast<Eigen::Index>(s)] = place[k++] * parameters[s].high;
@@ -146,18 +144,23 @@ class WindowFit {
  public:
   WindowFit(const Evaluator& by, const Hypothesis& h, const Base& base, const Scanned& found,
             Eigen::Index longest)
-      : by_(by), h_(h), base_(base), from_(found.from), to_(found.to), longest_(longest) {
+      : by_(by),
+        h_(h),
+        base_(base),
+        parameters_(by.rows.shape(h, found.link)),
+        from_(found.from),
+        to_(found.to),
+        longest_(longest) {
     const GapRows& rows = by.rows;
-    best_ =
-        by.made(h, found.link, placed(h, window_shape(h, rows.stamp(from_), rows.stamp(to_)), found.place));
+    const Eigen::VectorXd usual = window_shape(parameters_, rows.stamp(from_), rows.stamp(to_));
+    best_ = by.made(h, found.link, placed(parameters_, usual, found.place));
     gain_ = value(*best_.block);
   }
 
   /// Shape parameters from `first` on: a window's ends within `row` [s], the others in their ranges.
   void improve_all(Eigen::Index first, double row) {
-    const std::vector<ShapeParameter> shape = h_.shape();
     for (Eigen::Index s = first; s < best_.shape.size(); ++s) {
-      const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
+      const ShapeParameter& p = parameters_[static_cast<std::size_t>(s)];
       const bool edge = s < 2;
       gain_ = improve(by_, h_, best_, s, edge ? best_.shape[s] - row : p.low,
                       edge ? best_.shape[s] + row : p.high, p.logarithmic, gain_,
@@ -201,6 +204,7 @@ class WindowFit {
   const Evaluator& by_;
   const Hypothesis& h_;
   const Base& base_;
+  std::vector<ShapeParameter> parameters_;
   Eigen::Index from_, to_, longest_;
   UnitShape best_;
   double gain_ = 0.0;
@@ -209,8 +213,8 @@ class WindowFit {
 }  // namespace
 
 std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& h, int unit) {
-  if (h.scope() == Scope::window) return window_points(h);
   const std::vector<ShapeParameter> shape = rows.shape(h, unit);
+  if (h.scope() == Scope::window) return window_points(shape);
   std::vector<Eigen::VectorXd> points = {Eigen::VectorXd(0)};
   for (const ShapeParameter& s : shape) {
     std::vector<Eigen::VectorXd> next;

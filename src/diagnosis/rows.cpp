@@ -14,10 +14,10 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a stretch
-constexpr Eigen::Index directions = 24;  // of the nuisance, at most
-constexpr double least_floor = 1e-4;     // of the largest load of a joint of its type
-constexpr double usual_lateness = 1e-3;  // [s] of stamps
+constexpr double edge_periods = 1.0;      // of the cut-off, at either end of a stretch
+constexpr Eigen::Index directions = 24;   // of the nuisance, at most
+constexpr double least_floor = 1e-4;      // of the largest load of a joint of its type
+constexpr double usual_lateness = 0.025;  // of stamps, in parts of the time between rows
 
 /// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have
 /// any direction, and is relative to how far out its mass lies.
@@ -93,6 +93,11 @@ GapRows::GapRows(const GapRows& whole, const std::vector<RowWindow>& windows) {
   make_nuisance();
 }
 
+double GapRows::period() const {
+  const DecimatingFilter& filter = stretches_->front().filter;
+  return double(filter.centre(1) - filter.centre(0)) / motions_->front().rate;
+}
+
 std::size_t GapRows::stretch_of(Eigen::Index row) const {
   return static_cast<std::size_t>(std::upper_bound(parts.begin(), parts.end(), row) - parts.begin()) - 1;
 }
@@ -116,8 +121,8 @@ void GapRows::fill(Motions motions, Stretches stretches) {
   dq = of([](const GapMotion& m) { return m.dq; });
   ddq = of([](const GapMotion& m) { return m.ddq; });
   load = of([](const GapMotion& m) { return m.rigid; });
-  timing = of([](const GapMotion& m) -> Eigen::MatrixXd {
-    return usual_lateness * differentiate(m.nominal, m.rate);
+  timing = of([this](const GapMotion& m) -> Eigen::MatrixXd {
+    return usual_lateness * period() * differentiate(m.nominal, m.rate);
   });
   active = Eigen::VectorXd::Constant(y.cols(), double(size()));
 }
@@ -278,9 +283,9 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
 }
 
 std::vector<ShapeParameter> GapRows::shape(const Hypothesis& h, int unit) const {
-  if (h.scope() == Scope::arm || h.scope() == Scope::window) return h.shape();
-  const int joint = h.scope() == Scope::pair ? pair_of(joints(), unit).first : unit;
-  return h.shape_on(range[static_cast<std::size_t>(joint)].scale);
+  std::vector<JointScale> scales;
+  for (const JointRange& r : range) scales.push_back(r.scale);
+  return h.shape_of(unit, scales, arm_reach(motions_->front().robot()));
 }
 
 GapRows GapRows::late(const Eigen::VectorXd& lateness) const {

@@ -46,7 +46,7 @@ class GapRows {
   int joints() const { return static_cast<int>(y.cols()); }
   Eigen::Index size() const { return y.rows(); }
   RowBlock block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
-  /// Shape parameters of a unit of an effect, with the ranges of the joint that it is of.
+  /// Shape parameters of a unit of an effect, with the ranges that the motion asks for.
   std::vector<ShapeParameter> shape(const Hypothesis& h, int unit) const;
   /// The same rows with channels that are late by `lateness` (n) [s]: all that effects add is, but for what
   /// an effect that makes them late adds itself.
@@ -59,6 +59,7 @@ class GapRows {
   /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }
+  double period() const;           ///< [s] between rows
   double start(int of_log) const;  ///< [s] first stamp of a log (from 0)
   /// [s] of row i, as its log is stamped.
   double stamp(Eigen::Index i) const { return start(log[static_cast<std::size_t>(i)]) + t[i]; }
@@ -72,7 +73,7 @@ class GapRows {
   /// Of each joint: what a nominal model off by 1 in every parameter, relatively, adds, reduced to its main
   /// directions.
   std::vector<Eigen::MatrixXd> nuisance;
-  /// Of each joint: what torque stamps add that are late by the usual millisecond: data, not an effect.
+  /// Of each joint: what torque stamps add that are late by what stamps usually are: data, not an effect.
   Eigen::MatrixXd timing;
   Eigen::VectorXd active;  ///< n: rows that say something about the joint
   /// Of each joint [N m]: standard deviation in the band of white noise as strong as above the band.

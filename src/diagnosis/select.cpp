@@ -36,7 +36,9 @@ void seek_with_delay(GapRows& everything, std::unique_ptr<Choice>& chosen,
     const Eigen::VectorXd found = lateness(chosen->model, everything.joints());
     for (const bool by_one : {true, false}) {
       const Eigen::VectorXd late = by_one ? common(found) : found;
-      if ((late - assumed).cwiseAbs().maxCoeff() < criteria.same_delay || (by_one && late == found)) continue;
+      if ((late - assumed).cwiseAbs().maxCoeff() < criteria.same_delay * everything.period() ||
+          (by_one && late == found))
+        continue;
       std::vector<const Hypothesis*> forms = library;
       for (const Adopted& e : chosen->model.effects)
         if (by_one && e.h->lateness(e.units.front().shape) != 0.0)

@@ -7,10 +7,18 @@
 #include "dynid/friction/friction.hpp"
 
 namespace dynid::detail {
+namespace {
+
+constexpr double least_inertia = 1e-4;  // of the joint's largest
+
+}  // namespace
 
 Eigen::MatrixXd spring_torque(const GapMotion& motion, int joint, const SpringInJoint& spring) {
   const Eigen::Index N = motion.samples();
-  const Eigen::VectorXd inertia = motion.inertia(joint).cwiseMax(1e-6);
+  // Identified base parameters alone may make no inertia in some poses.
+  const Eigen::VectorXd of_model = motion.inertia(joint);
+  const double largest = of_model.maxCoeff();
+  const Eigen::VectorXd inertia = of_model.cwiseMax(largest > 0.0 ? least_inertia * largest : 1.0);
   const Eigen::VectorXd load = motion.rigid.col(joint) - inertia.cwiseProduct(motion.ddq.col(joint));
   const Eigen::VectorXd motor = motion.speed.col(joint), torque = motion.nominal.col(joint);
   const JointFriction& friction = motion.robot().joints[static_cast<std::size_t>(joint)].friction;

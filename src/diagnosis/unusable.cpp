@@ -9,8 +9,9 @@
 
 namespace dynid::detail {
 
-std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<PreparedLog>& prepared) {
-  constexpr double moving = 0.02;           // [rad/s], [m/s]
+std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<PreparedLog>& prepared,
+                                const std::vector<JointScale>& scales) {
+  constexpr double part_moving = 0.01;      // of the joint's speed: one slower than that (rms) rests
   constexpr double largest_mismatch = 0.5;  // of the velocity
   std::vector<DataIssue> out;
   for (std::size_t l = 0; l < logs.size(); ++l) {
@@ -28,6 +29,7 @@ std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<
       }
       double samples = 0.0;
       for (const Segment& s : prepared[l].segments) samples += double(s.t.size());
+      const double moving = part_moving * scales[static_cast<std::size_t>(j)].speed;
       if (speed < moving * moving * samples) continue;
       if (mismatch > largest_mismatch * largest_mismatch * speed) other.push_back(j + 1);
       worst = std::max(worst, std::sqrt(mismatch / speed));

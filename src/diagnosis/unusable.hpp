@@ -3,13 +3,15 @@
 
 #include <vector>
 
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/signal/log.hpp"
 #include "dynid/signal/prepare.hpp"
 
 namespace dynid::detail {
 
 /// What no diagnosis can be built on: torques that are not measured, a velocity that is not that of the
-/// positions.
-std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<PreparedLog>& prepared);
+/// positions. scales: n, of the model alone, by which a joint moves or rests.
+std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<PreparedLog>& prepared,
+                                const std::vector<JointScale>& scales);
 
 }  // namespace dynid::detail

@@ -7,6 +7,13 @@
 #include "dynid/base/statistics.hpp"
 
 namespace dynid::detail {
+namespace {
+
+// Speeds below which a joint sticks, and slides no more than friction's bristles bend, in parts of its
+// fastest.
+constexpr double stuck_below = 0.003, presliding_below = 0.03;
+
+}  // namespace
 
 std::vector<Regime> regimes(const GapRows& rows) {
   const Eigen::Index n = rows.joints();
@@ -23,16 +30,21 @@ std::vector<Regime> regimes(const GapRows& rows) {
     load[j] = median(rows.load.col(j).cwiseAbs());
     acceleration[j] = median(rows.ddq.col(j).cwiseAbs());
   }
-  constexpr double stuck = 0.005, presliding = 0.05;  // [rad/s]
-  add("stuck", [&](Eigen::Index i, Eigen::Index j) { return std::abs(rows.dq(i, j)) < stuck; });
+  Eigen::VectorXd stuck(n), presliding(n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const double fastest = rows.range[static_cast<std::size_t>(j)].scale.speed;
+    stuck[j] = stuck_below * fastest;
+    presliding[j] = presliding_below * fastest;
+  }
+  add("stuck", [&](Eigen::Index i, Eigen::Index j) { return std::abs(rows.dq(i, j)) < stuck[j]; });
   add("presliding", [&](Eigen::Index i, Eigen::Index j) {
-    return std::abs(rows.dq(i, j)) >= stuck && std::abs(rows.dq(i, j)) < presliding;
+    return std::abs(rows.dq(i, j)) >= stuck[j] && std::abs(rows.dq(i, j)) < presliding[j];
   });
   add("low speed", [&](Eigen::Index i, Eigen::Index j) {
-    return std::abs(rows.dq(i, j)) >= presliding && std::abs(rows.dq(i, j)) < speed[j];
+    return std::abs(rows.dq(i, j)) >= presliding[j] && std::abs(rows.dq(i, j)) < speed[j];
   });
   add("high speed", [&](Eigen::Index i, Eigen::Index j) {
-    return std::abs(rows.dq(i, j)) >= std::max(presliding, speed[j]);
+    return std::abs(rows.dq(i, j)) >= std::max(presliding[j], speed[j]);
   });
   add("forward", [&](Eigen::Index i, Eigen::Index j) { return rows.dq(i, j) > 0.0; });
   add("backward", [&](Eigen::Index i, Eigen::Index j) { return rows.dq(i, j) < 0.0; });

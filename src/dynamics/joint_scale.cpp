@@ -32,8 +32,9 @@ constexpr std::string JointUnits::*every_unit[] = {
     &JointUnits::torque_rate,  &JointUnits::stiffness,   &JointUnits::damping,      &JointUnits::inertia,
     &JointUnits::per_position, &JointUnits::per_velocity};
 
-/// How far the arm reaches [m]: joints, last centre of mass, tip.
-double reach_of(const Robot& robot) {
+}  // namespace
+
+double arm_reach(const Robot& robot) {
   double reach = 0.0;
   for (std::size_t i = 1; i < robot.joints.size(); ++i) reach += robot.joints[i].origin.translation().norm();
   const StandardParameters& last = robot.joints.back().parameters;
@@ -47,6 +48,8 @@ double reach_of(const Robot& robot) {
           reach, std::sqrt(std::max(0.0, joint.parameters.segment<3>(4).maxCoeff()) / joint.parameters[0]));
   return reach > 0.0 ? reach : 1.0;
 }
+
+namespace {
 
 /// No joint is left with nothing: as much of the power (the one quantity that all types of joint share) as
 /// makes it a millionth of the arm's largest.
@@ -98,7 +101,7 @@ std::vector<JointScale> joint_scales(const Robot& robot) {
   const Model<> model(robot);
   Workspace<> ws(model);
   const int n = robot.size();
-  const double reach = reach_of(robot);
+  const double reach = arm_reach(robot);
   const double gravity_size = robot.gravity.norm() > 0.0 ? robot.gravity.norm() : earth_gravity;
   std::vector<JointScale> scales(static_cast<std::size_t>(n));
   VectorXd low(n), high(n), q(n), g(n);

@@ -305,7 +305,9 @@ TEST_F(EstimatorNode, TimeGoesBack) {
 TEST_F(EstimatorNode, GapInTime) {
   stream(50);
   const Diagnostic before = node_->diagnostic("input");
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  // Longer than the node takes for a gap, by the stamps alone.
+  const ros::Time silent = ros::Time::now() + ros::Duration(0.3);
+  ASSERT_TRUE(EstimatorClient::wait([&] { return ros::Time::now() >= silent; }));
   const std::vector<ros::Time> stamps = send(60);  // less than it takes to settle
   quiet(*node_);
   EXPECT_EQ(node_->answers(stamps), 0);
@@ -389,7 +391,8 @@ TEST_F(EstimatorNode, ParametersReloadedWhileRunning) {
   const Diagnostic before = node_->diagnostic("input");
   std::thread reload([&] {
     for (int k = 0; k < 10; ++k) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(80));
+      const int answered = node_->heard().residuals;  // spread over the messages
+      EstimatorClient::wait([&] { return node_->heard().residuals >= answered + 80; });
       const auto response = node_->call("load_parameters");
       EXPECT_TRUE(response.success) << response.message;
     }

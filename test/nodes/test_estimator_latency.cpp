@@ -45,7 +45,6 @@ Figures loop_back(ros::NodeHandle& handle, int count) {
   ros::Publisher publisher = handle.advertise<sensor_msgs::JointState>("joint_states", 100);
   for (int i = 0; i < 200 && (publisher.getNumSubscribers() == 0 || subscriber.getNumPublishers() == 0); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
   ros::AsyncSpinner spinner(1, &queue);
   spinner.start();
 

@@ -6,8 +6,7 @@ namespace dynid {
 /// Every threshold of the diagnosis, with where it comes from. Log evidence is in nats; parts are of energy.
 /// "Banks" are those of `dynid blind`, clean and nominal kinds; none of the values is fitted to a real log.
 struct Criteria {
-  // ------------------------------------------------------------------------------------------- is there a
-  // gap
+  // -------------------------------------------------------------------------------------- is there a gap
   /// p-value below which a gap is said to be there: the usual one in twenty.
   double detection = 0.05;
   /// A gap of one log alone is left over where it is larger than this many times the white floor: coloured
@@ -53,8 +52,9 @@ struct Criteria {
   /// And part of what is left of that joint's gap.
   double least_gain = 0.25;
   /// Part of the gap that a delay has to explain for the search to begin again with it, the change of that
-  /// delay [s] that is one, and the log evidence that the set found with it has to bring.
-  double least_of_delay = 0.02, same_delay = 1e-3, least_better = 1.0;
+  /// delay that is one, in parts of the time between rows, and the log evidence that the set found with it
+  /// has to bring.
+  double least_of_delay = 0.02, same_delay = 0.025, least_better = 1.0;
   /// Log evidence within which two effects are not told apart: e^-4 to one is one in fifty.
   double indistinct = 4.0;
 
@@ -73,8 +73,7 @@ struct Criteria {
   /// the log evidence that the effect has to bring.
   double worth_refining = 0.25;
 
-  // ------------------------------------------------------------------------------------- is it the whole
-  // story
+  // -------------------------------------------------------------------------------- is it the whole story
   /// What is left does not matter where this part is explained.
   double fully_explained = 0.9;
 };

@@ -40,6 +40,11 @@ struct JointRange {
                         ///< (four standard deviations) taken off
 };
 
+/// The scale of the arm as a whole: that of a sliding joint whose travel [m] is `reach`, and that takes as
+/// long for it as the middle one of `joints` (not empty) takes for its own; torque [N]: the middle joint's
+/// over the reach.
+JointScale arm_scale(const std::vector<JointScale>& joints, double reach);
+
 /// A value of an effect for a person, a file, a label.
 struct NamedValue {
   std::string key, unit;
@@ -60,7 +65,7 @@ class Hypothesis {
   virtual Scope scope() const { return Scope::joint; }
   virtual std::vector<ShapeParameter> shape() const { return {}; }
   /// The same with the ranges that a joint of this scale asks for: those of shape() are for one of 1 rad/s,
-  /// 20 N m and 1 kg m^2.
+  /// 20 N m and 1 kg m^2. An effect of the arm or of a window is given arm_scale().
   virtual std::vector<ShapeParameter> shape_on(const JointScale&) const { return shape(); }
   /// While its joint sticks, its torque is anything within its size: such rows say nothing about it.
   virtual bool silent_at_rest() const { return false; }
@@ -109,6 +114,8 @@ class Hypothesis {
     return c;
   }
 
+  /// shape_on() of unit `unit`: of its joint, the first of its pair, or the arm.
+  std::vector<ShapeParameter> shape_of(int unit, const std::vector<JointScale>& joints, double reach) const;
   int units(const Robot& robot) const;
   /// The joints (from 1) that unit `unit` concerns.
   std::vector<int> joints(const Robot& robot, int unit) const;

@@ -53,12 +53,15 @@ struct JointScale {
   double of(const std::string& unit) const;
 };
 
+/// [m] How far the arm reaches: the sum of the distances between its joints and to the last centre of mass or
+/// the tip, whichever is farther. Of bodies about one point: the largest radius of gyration; without mass, 1.
+double arm_reach(const Robot& robot);
+
 /// Scales of every joint, base to tip, from the model alone: 512 poses within the limits, the same at every
-/// call. Where a limit is unknown: travel is a turn, or the arm's reach (the sum of the distances between
-/// joints and to the last centre of mass) for a prismatic joint; speed is that of a pendulum as long as the
-/// reach, sqrt(|gravity| / reach) or sqrt(|gravity| reach). A joint that carries nothing at all (no mass
-/// beyond it, no rotor) gets a millionth of the largest of the arm, by way of its own acceleration. Throws
-/// Error where Model does. Allocates.
+/// call. Where a limit is unknown: travel is a turn, or arm_reach() for a prismatic joint; speed is that of a
+/// pendulum as long as the reach, sqrt(|gravity| / reach) or sqrt(|gravity| reach). A joint that carries
+/// nothing at all (no mass beyond it, no rotor) gets a millionth of the largest of the arm, by way of its own
+/// acceleration. Throws Error where Model does. Allocates.
 std::vector<JointScale> joint_scales(const Robot& robot);
 
 /// The same along a motion: q, dq, ddq [rad, m; per s; per s^2], N x n, rows instants, columns joints base to

@@ -13,8 +13,10 @@ namespace {
 // Of the link on the spring: what the motor behind it takes of a blow. Without bounces a path is wrong by no
 // more than the bounces; with bounces that come at other instants it is wrong by twice as much.
 constexpr double damping_ratio = 1.0;
-constexpr double least = 0.0007;  // [rad]
-constexpr double fastest = 60.0;  // [Hz] of the link on the spring: beyond, all springs look alike
+constexpr double least = 3e-4, widest = 0.045;      // gap, in parts of the travel
+constexpr double slowest = 20.0, quickest = 400.0;  // [1/duration of a sweep] of the link on the spring
+// Beyond, all springs look alike.
+constexpr double fastest = 600.0;  // [1/duration of a sweep]
 
 class Backlash : public OwnTorque {
  public:
@@ -22,17 +24,27 @@ class Backlash : public OwnTorque {
   std::string form() const override { return "gap"; }
   bool shape_only() const override { return true; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"gap", "rad", least, 0.12, 15, true}, {"stiffness", "N m/rad", 200.0, 30000.0, 3, true}};
+    return {{"gap", "rad", 0.0007, 0.12, 15, true}, {"stiffness", "N m/rad", 200.0, 30000.0, 3, true}};
+  }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    const double slow = slowest / s.duration(), quick = quickest / s.duration();
+    return {{"gap", "rad", least * s.travel, widest * s.travel, 15, true},
+            {"stiffness", "N m/rad", s.inertia * slow * slow, s.inertia * quick * quick, 3, true}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
-    const double stiffest = motion.inertia(unit).minCoeff() * std::pow(2.0 * M_PI * fastest, 2);
+    const double travel = motion.q.col(unit).maxCoeff() - motion.q.col(unit).minCoeff();
+    const double sweep = travel / std::max(motion.dq.col(unit).cwiseAbs().maxCoeff(), 1e-12 * travel);
+    const double stiffest = sweep > 0.0 ? motion.inertia(unit).minCoeff() * std::pow(fastest / sweep, 2)
+                                        : shape[1];  // a joint that rests: no spring of it is seen
     return all_channels(
         {spring_torque(motion, unit, {std::min(shape[1], stiffest), shape[0], damping_ratio})});
   }
   bool approximate() const override { return true; }
   double prior() const override { return 0.4; }
-  bool plausible(const Robot&, int, const Eigen::VectorXd&, const Eigen::VectorXd& shape) const override {
-    return shape[0] > 1.5 * least;  // less is a spring's alone: joint_elasticity
+  bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd&,
+                 const Eigen::VectorXd& shape) const override {
+    // Less is a spring's alone: joint_elasticity.
+    return shape[0] > 1.5 * least * ranges[static_cast<std::size_t>(unit)].scale.travel;
   }
 
  protected:

@@ -99,6 +99,14 @@ Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double scale) {
   return (motion.speed.col(joint).array() / scale).tanh();
 }
 
+double usual_speed(const Robot& robot, int joint) {
+  const Joint& of = robot.joints[static_cast<std::size_t>(joint)];
+  if (std::isfinite(of.limits.velocity) && of.limits.velocity > 0.0) return 0.5 * of.limits.velocity;
+  const double reach = arm_reach(robot), gravity = robot.gravity.norm();
+  if (!(gravity > 0.0)) return reach;  // one reach, or one radian of it, a second
+  return std::sqrt(of.type == JointType::prismatic ? gravity * reach : gravity / reach);
+}
+
 double nominal_friction(const Robot& robot, int joint, double speed) {
   const JointFriction& f = robot.joints[static_cast<std::size_t>(joint)].friction;
   return 0.5 * (friction_torque(f, speed) - friction_torque(f, -speed));

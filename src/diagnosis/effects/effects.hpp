@@ -53,6 +53,12 @@ ShapeParameter sign_width(const JointScale& scale);
 /// tanh(dq / v_s) of a joint: N.
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double velocity_scale);
 
+/// Of the time that a joint takes for its travel: no torque is later than that.
+constexpr double latest_of_sweep = 0.03;
+
+/// A speed at which joint `joint` (from 0) moves [rad/s or m/s]: half its limit, or, where there is none,
+/// that of a pendulum as long as the arm.
+double usual_speed(const Robot& robot, int joint);
 /// [N m] by which the nominal model's friction hinders joint `joint` (from 0) at speed `speed` > 0, the mean
 /// of both directions.
 double nominal_friction(const Robot& robot, int joint, double speed);

@@ -9,7 +9,8 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double farthest = 0.5;  // [m] of the point from the link's origin, along each axis
+constexpr double farthest = 0.4;  // of the arm's reach: the point from the link's origin, along each axis
+constexpr double quickest = 0.002, slowest = 0.15;  // rise, in parts of a sweep of the joints
 
 class ExternalContact : public Hypothesis {
  public:
@@ -17,10 +18,15 @@ class ExternalContact : public Hypothesis {
   Scope scope() const override { return Scope::window; }
   bool approximate() const override { return true; }
   bool once() const override { return true; }
-  std::vector<ShapeParameter> shape() const override {
-    return {{"start", "s", -1e12, 1e12, 1, false},     {"duration", "s", 0.1, 1e12, 1, false},
-            {"rise_time", "s", 0.005, 0.3, 1, true},   {"x", "m", -farthest, farthest, 1, false},
-            {"y", "m", -farthest, farthest, 1, false}, {"z", "m", -farthest, farthest, 1, false}};
+  std::vector<ShapeParameter> shape() const override { return shape_on(JointScale()); }
+  std::vector<ShapeParameter> shape_on(const JointScale& arm) const override {
+    const double far = farthest * arm.travel, sweep = arm.duration();
+    return {{"start", "s", -1e12, 1e12, 1, false},
+            {"duration", "s", 0.0, 1e12, 1, false},
+            {"rise_time", "s", quickest * sweep, slowest * sweep, 1, true},
+            {"x", "m", -far, far, 1, false},
+            {"y", "m", -far, far, 1, false},
+            {"z", "m", -far, far, 1, false}};
   }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     ColumnBlock block;

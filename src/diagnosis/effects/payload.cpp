@@ -6,7 +6,9 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double behind_the_flange = 0.03;  // [m]: a ring around it
+// In parts of the arm's reach: a ring around the flange; a load beyond which none is carried; a flange that
+// the model leaves at the last joint.
+constexpr double behind_the_flange = 0.03, farthest = 1.0, no_flange = 0.01;
 
 class Payload : public Hypothesis {
  public:
@@ -34,11 +36,12 @@ class Payload : public Hypothesis {
     shape.resize(0);
   }
   bool plausible(const Robot& robot, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
-    if (!(c[0] > 0.0) || (c.segment<3>(1) / c[0]).norm() > 1.0) return false;
+    const double reach = arm_reach(robot);
+    if (!(c[0] > 0.0) || (c.segment<3>(1) / c[0]).norm() > farthest * reach) return false;
     // Where the model says where the flange is, what it carries is in front of it.
-    if (robot.tip.translation().norm() < 0.01) return true;
+    if (robot.tip.translation().norm() < no_flange * reach) return true;
     const Eigen::Vector3d com = robot.tip.inverse() * Eigen::Vector3d(c.segment<3>(1) / c[0]);
-    return com.z() > -behind_the_flange;
+    return com.z() > -behind_the_flange * reach;
   }
   Eigen::VectorXd nominal(const Robot&, int) const override { return Eigen::VectorXd::Zero(10); }
   bool possible(const Eigen::VectorXd& c) const override { return is_body(c); }

@@ -16,7 +16,7 @@ class ThermalFrictionDrift : public OwnTorque {
 
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    return hinders(robot, unit, 1.0, c[0]);
+    return hinders(robot, unit, usual_speed(robot, unit), c[0]);
   }
 
  protected:

@@ -13,6 +13,10 @@ class TimeDelay : public Hypothesis {
   bool shape_only() const override { return true; }
   double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
   std::vector<ShapeParameter> shape() const override { return {{"delay_s", "s", -0.05, 0.05, 21, false}}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& arm) const override {
+    const double latest = latest_of_sweep * arm.duration();
+    return {{"delay_s", "s", -latest, latest, 21, false}};
+  }
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd& shape) const override {
     Eigen::MatrixXd late(motion.samples(), motion.joints());
     for (int j = 0; j < motion.joints(); ++j)

@@ -16,6 +16,10 @@ class TimeDelayOfChannels : public OwnTorque {
   std::vector<ShapeParameter> shape() const override {
     return {{"channel_delay_s", "s", -0.05, 0.05, 21, false}};
   }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    const double latest = latest_of_sweep * s.duration();
+    return {{"channel_delay_s", "s", -latest, latest, 21, false}};
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

@@ -38,11 +38,13 @@ class LinkInertialError : public EffectModel {
 };
 
 void draw_link(Effect& effect, const Robot& robot, std::mt19937_64& random, double strength, double) {
-  // Half as much again of a heavy link can be felt, of a hand not.
+  // Half as much again of a heavy link can be felt, of a hand not: that gets a part of the arm.
+  double arm = 0.0;
+  for (const Joint& joint : robot.joints) arm += joint.parameters[0];
   const LinkInertia link =
       from_standard(robot.joints[static_cast<std::size_t>(effect.joints.front() - 1)].parameters);
   const double sign = random() % 2 == 0 ? 1.0 : -1.0;
-  double change = strength * std::max(0.8, 0.5 * link.mass) * uniform(random, 0.5, 1.0) * sign;
+  double change = strength * std::max(0.05 * arm, 0.5 * link.mass) * uniform(random, 0.5, 1.0) * sign;
   if (link.mass + change < 0.3 * link.mass) change = -change;
   effect.parameters["mass"] = {change};
 }

@@ -128,7 +128,8 @@ void draw_limit(Effect& effect, const Robot& robot, std::mt19937_64& random, dou
   const Eigen::VectorXd peak = gravity_peaks(robot, random);
   for (const int joint : effect.joints)
     effect.parameters["limit"][static_cast<std::size_t>(joint - 1)] =
-        std::max(1e-3, peak[joint - 1] * (1.0 - std::min(strength, 1.5) * uniform(random, 0.3, 0.6)));
+        std::max(1e-4 * peak.maxCoeff(),
+                 peak[joint - 1] * (1.0 - std::min(strength, 1.5) * uniform(random, 0.3, 0.6)));
 }
 
 }  // namespace

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "conversions.hpp"
+#include "dynid/model/export.hpp"
+#include "export_common.hpp"
+#include "not_expressed.hpp"
+
+namespace dynid {
+namespace {
+
+using namespace detail::exporting;
+
+std::string mjcf_pose(const Eigen::Isometry3d& pose) {
+  const Eigen::Quaterniond q(pose.linear());
+  return attribute("pos", triple(pose.translation())) +
+         attribute("quat", number(q.w()) + " " + number(q.x()) + " " + number(q.y()) + " " + number(q.z()));
+}
+
+std::string mjcf_inertial(const LinkInertia& body) {
+  const PrincipalInertia principal = principal_inertia(body);
+  return "<inertial" + mjcf_pose(principal.frame) + attribute("mass", number(body.mass)) +
+         attribute("diaginertia", triple(principal.moments)) + "/>\n";
+}
+
+/// Springs at joint `k`, in parallel.
+struct Spring {
+  double stiffness = 0.0, moment = 0.0;  // [N m/rad], stiffness times rest position [N m]
+};
+
+Spring spring_of(const Robot& robot, std::size_t k) {
+  LoopTerms terms(robot.size());
+  for (const Effect& effect : robot.effects) {
+    const EffectSchema* const schema = find_effect_schema(effect.name);
+    if (schema != nullptr && detail::says(*schema, ExportFormat::mjcf))
+      schema->compile(terms, checked_effect(effect, robot));
+  }
+  const auto j = static_cast<Eigen::Index>(k);
+  return {terms.stiffness[j], -terms.offset[j]};
+}
+
+std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std::string>& list) {
+  const std::string prefix = "joint '" + joint.name + "': ";
+  const JointLimits& limits = joint.limits;
+  const LinearFriction& friction = joint.friction.linear;
+  std::string text = "<joint" + attribute("name", joint.name) +
+                     attribute("type", joint.type == JointType::prismatic ? "slide" : "hinge") +
+                     attribute("axis", triple(joint.axis));
+  if (limits.lower == limits.upper) {
+    list.push_back(prefix + "position limits that are both " + number(limits.lower));
+  } else if (bounded(limits)) {
+    text += attribute("limited", "true") +
+            attribute("range", position_limit(limits.lower) + " " + position_limit(limits.upper));
+  }
+  if (friction.viscous != 0.0) text += attribute("damping", number(friction.viscous));
+  if (friction.coulomb > 0.0) text += attribute("frictionloss", number(friction.coulomb));
+  if (joint.rotor_inertia > 0.0) text += attribute("armature", number(joint.rotor_inertia));
+  if (spring.stiffness > 0.0)
+    text += attribute("stiffness", number(spring.stiffness)) +
+            attribute("springref", number(spring.moment / spring.stiffness + 0.0));
+  else if (spring.stiffness < 0.0 || spring.moment != 0.0)
+    list.push_back(prefix + "spring of stiffness " + number(spring.stiffness) + " " +
+                   unit_of("N m/rad", joint.type));
+  if (friction.coulomb < 0.0)
+    list.push_back(prefix + "negative Coulomb friction " + number(friction.coulomb) + " N m");
+  if (joint.rotor_inertia < 0.0)
+    list.push_back(prefix + "negative rotor inertia " + number(joint.rotor_inertia) + " kg m^2");
+  if (std::isfinite(limits.velocity)) list.push_back(prefix + "velocity limit " + number(limits.velocity));
+  list_joint_not_expressed(joint, list);
+  return text + "/>\n";
+}
+
+std::string mjcf_motor(const Joint& joint) {
+  const double limit = joint.limits.torque;
+  std::string text = "    <motor" + attribute("name", joint.name) + attribute("joint", joint.name);
+  if (std::isfinite(limit))
+    text += attribute("ctrllimited", "true") + attribute("ctrlrange", number(-limit) + " " + number(limit));
+  return text + "/>\n";
+}
+
+}  // namespace
+
+ExportText to_mjcf(const Robot& given) {
+  validate(given);
+  const Robot robot = with_effects_entered(given);
+  check_names(robot);
+  ExportText out;
+  std::string& text = out.text;
+  // The zero bounds and the lone inertials keep MuJoCo from making anything of its own out of the numbers.
+  text = "<mujoco" + attribute("model", robot.name) + ">\n" +
+         "  <compiler angle=\"radian\" inertiafromgeom=\"false\" boundmass=\"0\" boundinertia=\"0\"/>\n" +
+         "  <option" + attribute("gravity", triple(robot.gravity)) + "/>\n  <worldbody>\n";
+  std::string indent = "    ", motors;
+  std::size_t open = 0;
+  const auto open_body = [&](const std::string& name, const std::string& pose) {
+    text += indent + "<body" + attribute("name", name) + pose + ">\n";
+    indent += "  ";
+    ++open;
+  };
+  if (robot.base_link != "world") open_body(robot.base_link, "");
+  for (std::size_t k = 0; k < robot.joints.size(); ++k) {
+    const Joint& joint = robot.joints[k];
+    const LinkInertia body = from_standard(joint.parameters);
+    open_body(joint.link_name, mjcf_pose(joint.origin));
+    text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, spring_of(robot, k), out.not_expressed);
+    motors += mjcf_motor(joint);
+    list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
+    constexpr double least = 1e-15;  // mjMINVAL
+    list_impossible(body, joint.link_name, least, "MuJoCo", out.not_expressed);
+  }
+  const std::string tip = tip_name(robot);
+  if (!tip.empty()) text += indent + "<site" + attribute("name", tip) + mjcf_pose(robot.tip) + "/>\n";
+  for (; open > 0; --open) {
+    indent.resize(indent.size() - 2);
+    text += indent + "</body>\n";
+  }
+  text += "  </worldbody>\n  <actuator>\n" + motors + "  </actuator>\n</mujoco>\n";
+  detail::list_effects_not_expressed(robot, ExportFormat::mjcf, out.not_expressed);
+  return out;
+}
+
+}  // namespace dynid
