@@ -6,7 +6,6 @@
 
 #include "app/check.hpp"
 #include "app/job.hpp"
-#include "diagnosis/stoppable_blind.hpp"
 #include "dynid/app/choices.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/diagnosis/calibration.hpp"
@@ -45,10 +44,11 @@ BlindReport run(const BlindJob& job, const Context& context) {
   options.progress = [&progress](int done, int of) {
     progress.tell("case " + std::to_string(done) + " of " + std::to_string(of), double(done) / of);
   };
+  options.stop = context.stop;
   std::optional<TemporaryFolder> temporary;
   if (options.folder.empty()) options.folder = temporary.emplace().path();
   BlindReport report;
-  report.cases = run_blind(job.nominal, options, context.stop);
+  report.cases = run_blind(job.nominal, options);
   context.check();
   report.score = score(report.cases);
   report.options = job.options;

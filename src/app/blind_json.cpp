@@ -6,7 +6,7 @@ namespace {
 
 nlohmann::json found_json(const FoundEffect& e) {
   nlohmann::json intervals = nlohmann::json::object();
-  for (const Estimate& p : e.parameters)
+  for (const ParameterEstimate& p : e.parameters)
     intervals[p.key] = {{"low", std::vector<double>(p.low.begin(), p.low.end())},
                         {"high", std::vector<double>(p.high.begin(), p.high.end())}};
   return {{"name", e.effect.name},  {"joints", e.effect.joints},    {"parameters", e.effect.parameters},

@@ -16,7 +16,7 @@ nlohmann::json values_json(const Eigen::VectorXd& x) {
   return to_json(x);
 }
 
-nlohmann::json estimate_json(const Estimate& p) {
+nlohmann::json estimate_json(const ParameterEstimate& p) {
   return {{"value", values_json(p.value)},
           {"low", values_json(p.low)},
           {"high", values_json(p.high)},
@@ -26,7 +26,7 @@ nlohmann::json estimate_json(const Estimate& p) {
 
 nlohmann::json effect_json(const FoundEffect& found) {
   nlohmann::json parameters = nlohmann::json::object();
-  for (const Estimate& p : found.parameters) parameters[p.key] = estimate_json(p);
+  for (const ParameterEstimate& p : found.parameters) parameters[p.key] = estimate_json(p);
   return {{"name", found.effect.name},        {"joints", found.effect.joints}, {"share", found.share},
           {"probability", found.probability}, {"aliases", found.aliases},      {"parameters", parameters}};
 }

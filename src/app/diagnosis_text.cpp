@@ -43,7 +43,7 @@ void print(std::ostream& out, const DiagnoseReport& report) {
     for (std::size_t k = 0; k < e.aliases.size(); ++k)
       out << (k == 0 ? "; not told from " : ", ") << e.aliases[k];
     out << "\n";
-    for (const Estimate& p : e.parameters) {
+    for (const ParameterEstimate& p : e.parameters) {
       const int digits = p.value.cwiseAbs().maxCoeff() < 1e5 ? 4 : 13;  // a stamp counts from 1970
       out << "    " << p.key << " " << in_a_row(p.value, digits) << " [" << p.unit << "]\n";
     }

@@ -13,7 +13,7 @@ std::string verdict_sentence(const Diagnosis& d) {
     const std::string where = detail::joints_in_words(e.effect.joints, d.rms.size());
     std::string cause = with_spaces(e.effect.name);
     const auto mass = std::find_if(e.parameters.begin(), e.parameters.end(),
-                                   [](const Estimate& p) { return p.key == "mass"; });
+                                   [](const ParameterEstimate& p) { return p.key == "mass"; });
     if (e.effect.name == "payload" && mass != e.parameters.end())
       cause = "a payload of " + detail::page_number(mass->value[0]) + " kg";
     else if (!where.empty())

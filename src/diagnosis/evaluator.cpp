@@ -98,39 +98,34 @@ Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own) c
   }
   const ChannelFit fit = fit_channel(rows, joint, out.y, out.columns, model.kappa);
   out.evidence = fit.evidence;
-  out.by = {whitener(rows, joint, white(out.y), model.kappa), whitener(rows, joint, fit.noise, model.kappa)};
+  for (const ChannelNoise& noise : {white(out.y), fit.noise})
+    out.by.push_back(seen(rows, out.y, out.columns, whitener(rows, joint, noise, model.kappa)));
   return out;
 }
 
 Base Evaluator::base_of(const GapModel& model) const {
   const auto n = static_cast<std::size_t>(rows.joints());
-  Base base{model, std::vector<Channel>(n), {2, std::vector<Whitener>(n)}};
+  Base base{model, std::vector<Channel>(n), {}};
+  std::vector<std::vector<Whitener>> by(2, std::vector<Whitener>(n));
   tbb::parallel_for(0, rows.joints(), [&](int j) {
     const auto at = static_cast<std::size_t>(j);
     base.channels[at] = channel_of(model, j, true);
-    base.by[0][at] = whitener(rows, j, white(rows.y.col(j)), model.kappa);
-    base.by[1][at] = whitener(rows, j, model.fit.noise[at], model.kappa);
+    by[0][at] = whitener(rows, j, white(rows.y.col(j)), model.kappa);
+    by[1][at] = whitener(rows, j, model.fit.noise[at], model.kappa);
   });
+  base.terms = seen(rows, terms_of(model.effects), by);
   return base;
 }
 
 double Evaluator::own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel,
                            double kappa) const {
-  const int j = block.channels[0];
-  if (h.shape_only())
-    return fit_channel(rows, j, channel.y - block.values[0].rowwise().sum(), channel.columns, kappa,
-                       channel.by)
-               .evidence -
-           channel.evidence;
-  return fit_channel(rows, j, channel.y, beside(channel.columns, block.values[0]), kappa, channel.by)
+  return fit_channel(rows, block.channels[0], channel.y, channel.columns, {&block, &h}, kappa, channel.by)
              .evidence -
          channel.evidence;
 }
 
 double Evaluator::coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const {
-  std::vector<Term> terms = terms_of(base.model.effects);
-  terms.push_back({&block, &h});
-  return fit_terms(rows, rows.y, terms, base.model.kappa, base.by).total - base.model.fit.total;
+  return fit_terms(rows, base.terms, {{&block, &h}}, base.model.kappa).total - base.model.fit.total;
 }
 
 }  // namespace dynid::detail

@@ -17,17 +17,17 @@ namespace dynid::detail {
 /// What a joint has of a model: its gap less what the model's coupled effects and those without coefficients
 /// add, and the columns of the effects of its own, which are fitted anew with every candidate.
 struct Channel {
-  Eigen::VectorXd y;         ///< rows
-  Eigen::MatrixXd columns;   ///< rows x p, p may be 0
-  double evidence;           ///< of their fit
-  std::vector<Whitener> by;  ///< white noise, and that of their fit
+  Eigen::VectorXd y;            ///< rows
+  Eigen::MatrixXd columns;      ///< rows x p, p may be 0
+  double evidence;              ///< of their fit
+  std::vector<SeenChannel> by;  ///< by white noise, and by that of their fit
 };
 
 /// A model that candidates are tried on top of.
 struct Base {
   const GapModel& model;
-  std::vector<Channel> channels;          ///< of each joint
-  std::vector<std::vector<Whitener>> by;  ///< white noise, and the model's: of each joint
+  std::vector<Channel> channels;  ///< of each joint
+  SeenTerms terms;                ///< the model's, by white noise, and by that of its fit
 };
 
 Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right);

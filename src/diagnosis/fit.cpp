@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace dynid::detail {
 namespace {
@@ -52,19 +53,37 @@ struct Normal {
   Eigen::MatrixXd back;  // nuisance x (p + 1): A^-1 N^T [Phi | y]
 };
 
-Normal normal_equations(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns,
-                        const Whitener& by) {
-  const Eigen::Index p = columns.cols();
-  Eigen::MatrixXd all(y.size(), p + 1);
-  all << columns, y;
-  const Eigen::MatrixXd w = whitened(rows, all, by.noise);
+Normal normal_equations(const SeenChannel& base) {
+  const Eigen::Index p = base.gram.cols() - 1;
+  return {base.gram.topLeftCorner(p, p), base.gram.topRightCorner(p, 1), base.taken};
+}
+
+/// Of the base's columns, then `more` (rows x e), for the base's gap less `fixed` (rows, or empty).
+Normal normal_equations(const GapRows& rows, const SeenChannel& base, const Eigen::MatrixXd& more,
+                        const Eigen::VectorXd& fixed) {
+  const Eigen::Index p = base.gram.cols() - 1, e = more.cols(), f = fixed.size() > 0 ? 1 : 0;
+  if (e + f == 0) return normal_equations(base);
+  Eigen::MatrixXd added(rows.size(), e + f);
+  added.leftCols(e) = more;
+  if (f > 0) added.col(e) = fixed;
+  const Eigen::MatrixXd w = whitened(rows, added, base.by.noise);
+  const Eigen::MatrixXd NtW = base.by.nuisance.transpose() * w, taken = base.by.llt.solve(NtW);
+  Eigen::MatrixXd cross = w.transpose() * base.white, own = w.transpose() * w;
+  cross.noalias() -= NtW.transpose() * base.taken;
+  own.noalias() -= NtW.transpose() * taken;
   Normal out;
-  Eigen::MatrixXd G = w.transpose() * w;
-  const Eigen::MatrixXd NtW = by.nuisance.transpose() * w;
-  out.back = by.llt.solve(NtW);
-  G -= NtW.transpose() * out.back;
-  out.G = G.topLeftCorner(p, p);
-  out.h = G.topRightCorner(p, 1);
+  out.G.resize(p + e, p + e);
+  out.G << base.gram.topLeftCorner(p, p), cross.topLeftCorner(e, p).transpose(), cross.topLeftCorner(e, p),
+      own.topLeftCorner(e, e);
+  out.h.resize(p + e);
+  out.h << base.gram.topRightCorner(p, 1), cross.topRightCorner(e, 1);
+  out.back.resize(taken.rows(), p + e + 1);
+  out.back << base.taken.leftCols(p), taken.leftCols(e), base.taken.rightCols(1);
+  if (f > 0) {
+    out.h.head(p) -= cross.bottomLeftCorner(1, p).transpose();
+    out.h.tail(e) -= own.topRightCorner(e, 1);
+    out.back.rightCols(1) -= taken.rightCols(1);
+  }
   return out;
 }
 
@@ -99,24 +118,6 @@ void finish(const GapRows& rows, int joint, const Normal& normal, double log_det
                      prior + log_det);
 }
 
-/// One step: coefficients by the given noise, then the noise of what they leave.
-void step(const GapRows& rows, int joint, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns,
-          double kappa, const Whitener& by, ChannelFit& fit) {
-  const Normal normal = normal_equations(rows, y, columns, by);
-  fit.theta = solve(normal.G, normal.h, nullptr);
-  const Eigen::VectorXd left = fit.theta.size() > 0 ? Eigen::VectorXd(y - columns * fit.theta) : y;
-  finish(rows, joint, normal, by.log_det, left, fit.theta, kappa, fit.noise, fit.residual, fit.evidence);
-}
-
-/// Terms put together: each joint's gap less what is fixed, its columns, and where they stand among all.
-struct Assembled {
-  Eigen::MatrixXd y;
-  std::vector<Eigen::MatrixXd> columns;
-  std::vector<std::vector<Eigen::Index>> where;
-  std::vector<Term> free;
-  Eigen::Index size = 0;
-};
-
 Assembled assemble(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms) {
   const auto n = static_cast<std::size_t>(rows.joints());
   Assembled out{y, std::vector<Eigen::MatrixXd>(n), std::vector<std::vector<Eigen::Index>>(n), {}, 0};
@@ -150,14 +151,15 @@ Assembled assemble(const GapRows& rows, const Eigen::MatrixXd& y, const std::vec
 }
 
 /// Coefficients that no such effect can have give way to the nearest that it can, the others following.
-void keep_possible(const Assembled& all, const Eigen::MatrixXd& G, const Eigen::VectorXd& h,
+/// `free`: the terms that theta is of.
+void keep_possible(const std::vector<Term>& free, const Eigen::MatrixXd& G, const Eigen::VectorXd& h,
                    Eigen::VectorXd& theta) {
   Eigen::Index at = 0;
-  for (const Term& term : all.free) {
-    const Eigen::Index p = term.block->size(), rest = all.size - p;
+  for (const Term& term : free) {
+    const Eigen::Index p = term.block->size(), rest = theta.size() - p;
     const Eigen::VectorXd mine = theta.segment(at, p);
     std::vector<Eigen::Index> others, own;
-    for (Eigen::Index k = 0; k < all.size; ++k) (k < at || k >= at + p ? others : own).push_back(k);
+    for (Eigen::Index k = 0; k < theta.size(); ++k) (k < at || k >= at + p ? others : own).push_back(k);
     at += p;
     const Eigen::VectorXd& nominal = term.block->nominal;
     if (term.of == nullptr || nominal.size() == 0) continue;
@@ -175,36 +177,49 @@ void keep_possible(const Assembled& all, const Eigen::MatrixXd& G, const Eigen::
   }
 }
 
-/// One step of all joints together.
-void step(const GapRows& rows, const Assembled& all, double kappa, const std::vector<Whitener>& by,
-          Fit& fit) {
+/// One step of all joints together: coefficients by the given noise, then the noise of what they leave. The
+/// gap is `base`'s less what `more` fixes.
+void step(const GapRows& rows, const Assembled& base, const Assembled& more, double kappa,
+          const std::vector<SeenChannel>& by, Fit& fit) {
   const auto n = static_cast<std::size_t>(rows.joints());
+  const Eigen::Index size = base.size + more.size;
   std::vector<Normal> normals;
-  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size);
-  Eigen::VectorXd h = Eigen::VectorXd::Zero(all.size);
+  std::vector<std::vector<Eigen::Index>> where = base.where;
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd h = Eigen::VectorXd::Zero(size);
   for (std::size_t j = 0; j < n; ++j) {
-    normals.push_back(normal_equations(rows, all.y.col(static_cast<Eigen::Index>(j)), all.columns[j], by[j]));
-    const std::vector<Eigen::Index>& where = all.where[j];
-    h(where) += normals.back().h;
-    G(where, where) += normals.back().G;
+    const auto fixed = more.y.col(static_cast<Eigen::Index>(j));
+    normals.push_back(normal_equations(rows, by[j], more.columns[j],
+                                       fixed.isZero(0.0) ? Eigen::VectorXd() : Eigen::VectorXd(-fixed)));
+    for (const Eigen::Index k : more.where[j]) where[j].push_back(base.size + k);
+    h(where[j]) += normals.back().h;
+    G(where[j], where[j]) += normals.back().G;
   }
   fit.theta = solve(G, h, nullptr);
-  keep_possible(all, G, h, fit.theta);
-  fit.left.resize(rows.size(), rows.joints());
+  std::vector<Term> free = base.free;
+  free.insert(free.end(), more.free.begin(), more.free.end());
+  keep_possible(free, G, h, fit.theta);
+  fit.left = base.y + more.y;
   fit.residual.resize(rows.size(), rows.joints());
   fit.noise.resize(n);
   fit.evidence.resize(rows.joints());
   for (std::size_t k = 0; k < n; ++k) {
     const auto j = static_cast<Eigen::Index>(k);
-    const Eigen::VectorXd mine = fit.theta(all.where[k]);
-    Eigen::VectorXd left = all.y.col(j), residual;
-    if (mine.size() > 0) left -= all.columns[k] * mine;
-    finish(rows, static_cast<int>(k), normals[k], by[k].log_det, left, mine, kappa, fit.noise[k], residual,
-           fit.evidence[j]);
-    fit.left.col(j) = left;
+    const Eigen::VectorXd mine = fit.theta(where[k]);
+    const Eigen::Index p = base.columns[k].cols(), e = more.columns[k].cols();
+    if (p > 0) fit.left.col(j).noalias() -= base.columns[k] * mine.head(p);
+    if (e > 0) fit.left.col(j).noalias() -= more.columns[k] * mine.tail(e);
+    Eigen::VectorXd residual;
+    finish(rows, static_cast<int>(k), normals[k], by[k].by.log_det, fit.left.col(j), mine, kappa,
+           fit.noise[k], residual, fit.evidence[j]);
     fit.residual.col(j) = residual;
   }
   fit.total = fit.evidence.sum();
+}
+
+/// What is added to a gap of zero.
+Assembled added(const GapRows& rows, const std::vector<Term>& more) {
+  return assemble(rows, Eigen::MatrixXd::Zero(rows.size(), rows.joints()), more);
 }
 
 }  // namespace
@@ -215,8 +230,8 @@ Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& term
   Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size), covariance;
   for (int j = 0; j < rows.joints(); ++j) {
     const auto at = static_cast<std::size_t>(j);
-    const Whitener by = whitener(rows, j, noise[at], kappa);
-    G(all.where[at], all.where[at]) += normal_equations(rows, all.y.col(j), all.columns[at], by).G;
+    G(all.where[at], all.where[at]) +=
+        normal_equations(seen(rows, all.y.col(j), all.columns[at], whitener(rows, j, noise[at], kappa))).G;
   }
   solve(G, Eigen::VectorXd::Zero(all.size), &covariance);
   return covariance;
@@ -278,49 +293,120 @@ ChannelNoise white(const Eigen::VectorXd& y) {
   return {Eigen::VectorXd::Zero(order), y.squaredNorm() / double(y.size()) + 1e-18};
 }
 
+SeenChannel seen(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns, Whitener by) {
+  SeenChannel out{std::move(by), {}, {}, {}};
+  Eigen::MatrixXd all(rows.size(), columns.cols() + 1);
+  all << columns, y;
+  out.white = whitened(rows, all, out.by.noise);
+  const Eigen::MatrixXd NtW = out.by.nuisance.transpose() * out.white;
+  out.taken = out.by.llt.solve(NtW);
+  out.gram.noalias() = out.white.transpose() * out.white;
+  out.gram.noalias() -= NtW.transpose() * out.taken;
+  return out;
+}
+
+SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
+               const std::vector<std::vector<Whitener>>& by) {
+  SeenTerms out{assemble(rows, rows.y, terms), {}};
+  for (const std::vector<Whitener>& noise : by) {
+    out.by.emplace_back();
+    for (std::size_t j = 0; j < noise.size(); ++j)
+      out.by.back().push_back(
+          seen(rows, out.terms.y.col(static_cast<Eigen::Index>(j)), out.terms.columns[j], noise[j]));
+  }
+  return out;
+}
+
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, double kappa) {
   // The steps need not climb (a residual that wanders makes the next step look at its corners alone): the
   // best counts.
-  ChannelFit best, fit;
-  fit.noise = white(y);
+  ChannelFit best;
+  ChannelNoise noise = white(y);
   for (int k = 0; k < iterations; ++k) {
-    step(rows, joint, y, columns, kappa, whitener(rows, joint, fit.noise, kappa), fit);
+    const ChannelFit fit = fit_channel(rows, joint, y, columns, {nullptr}, kappa,
+                                       {seen(rows, y, columns, whitener(rows, joint, noise, kappa))});
+    noise = fit.noise;
     if (k == 0 || fit.evidence > best.evidence) best = fit;
   }
   return best;
 }
 
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
-                       const Eigen::MatrixXd& columns, double kappa, const std::vector<Whitener>& by) {
+                       const Eigen::MatrixXd& columns, const Term& more, double kappa,
+                       const std::vector<SeenChannel>& base) {
+  const Eigen::MatrixXd none(rows.size(), 0);
+  const Eigen::MatrixXd* const values = more.block == nullptr ? nullptr : more.block->find(joint);
+  const Eigen::MatrixXd& free = values == nullptr || more.fixed() ? none : *values;
+  const Eigen::VectorXd fixed =
+      values != nullptr && more.fixed() ? Eigen::VectorXd(values->rowwise().sum()) : Eigen::VectorXd();
   ChannelFit best, fit;
-  for (std::size_t k = 0; k < by.size(); ++k) {
-    step(rows, joint, y, columns, kappa, by[k], fit);
+  for (std::size_t k = 0; k < base.size(); ++k) {
+    const Normal normal = normal_equations(rows, base[k], free, fixed);
+    fit.theta = solve(normal.G, normal.h, nullptr);
+    Eigen::VectorXd left = y;
+    if (fixed.size() > 0) left -= fixed;
+    if (columns.cols() > 0) left.noalias() -= columns * fit.theta.head(columns.cols());
+    if (free.cols() > 0) left.noalias() -= free * fit.theta.tail(free.cols());
+    finish(rows, joint, normal, base[k].by.log_det, left, fit.theta, kappa, fit.noise, fit.residual,
+           fit.evidence);
+    if (k == 0 || fit.evidence > best.evidence) best = fit;
+  }
+  return best;
+}
+
+ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,
+                      const Eigen::MatrixXd& columns, const std::vector<Eigen::Index>& free,
+                      const std::vector<Eigen::Index>& fixed, double kappa,
+                      const std::vector<SeenChannel>& base) {
+  const auto p = static_cast<Eigen::Index>(free.size());
+  Eigen::VectorXd gap = y;
+  for (const Eigen::Index k : fixed) gap -= columns.col(k);
+  ChannelFit best, fit;
+  for (std::size_t k = 0; k < base.size(); ++k) {
+    const SeenChannel& all = base[k];
+    Normal normal;
+    normal.G = all.gram(free, free);
+    normal.h = all.gram(free, all.gram.cols() - 1);
+    normal.back.resize(all.taken.rows(), p + 1);
+    normal.back.leftCols(p) = all.taken(Eigen::all, free);
+    normal.back.col(p) = all.taken.rightCols(1);
+    for (const Eigen::Index f : fixed) {
+      normal.h -= all.gram(free, f);
+      normal.back.col(p) -= all.taken.col(f);
+    }
+    fit.theta = solve(normal.G, normal.h, nullptr);
+    Eigen::VectorXd left = gap;
+    for (Eigen::Index i = 0; i < p; ++i)
+      left -= fit.theta[i] * columns.col(free[static_cast<std::size_t>(i)]);
+    finish(rows, joint, normal, all.by.log_det, left, fit.theta, kappa, fit.noise, fit.residual,
+           fit.evidence);
     if (k == 0 || fit.evidence > best.evidence) best = fit;
   }
   return best;
 }
 
 Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa) {
-  const Assembled all = assemble(rows, y, terms);
+  const Assembled all = assemble(rows, y, terms), none = added(rows, {});
   Fit best, fit;
   for (Eigen::Index j = 0; j < y.cols(); ++j) fit.noise.push_back(white(all.y.col(j)));
   for (int k = 0; k < iterations; ++k) {
-    std::vector<Whitener> by;
-    for (int j = 0; j < rows.joints(); ++j)
-      by.push_back(whitener(rows, j, fit.noise[static_cast<std::size_t>(j)], kappa));
-    step(rows, all, kappa, by, fit);
+    std::vector<SeenChannel> by;
+    for (int j = 0; j < rows.joints(); ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      by.push_back(seen(rows, all.y.col(j), all.columns[at], whitener(rows, j, fit.noise[at], kappa)));
+    }
+    step(rows, all, none, kappa, by, fit);
     if (k == 0 || fit.total > best.total) best = fit;
   }
   return best;
 }
 
-Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
-              const std::vector<std::vector<Whitener>>& by) {
-  const Assembled all = assemble(rows, y, terms);
+Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term>& more, double kappa) {
+  const Assembled others = added(rows, more);
   Fit best, fit;
-  for (std::size_t k = 0; k < by.size(); ++k) {
-    step(rows, all, kappa, by[k], fit);
+  for (std::size_t k = 0; k < base.by.size(); ++k) {
+    step(rows, base.terms, others, kappa, base.by[k], fit);
     if (k == 0 || fit.total > best.total) best = fit;
   }
   return best;

@@ -56,21 +56,57 @@ struct Whitener {
   double log_det = 0.0;
 };
 Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, double kappa);
+
+/// A joint's gap and columns as a given noise sees them: what all fits of them and a few more columns share.
+struct SeenChannel {
+  Whitener by;
+  Eigen::MatrixXd white;  ///< [columns | y] whitened
+  Eigen::MatrixXd taken;  ///< (I + N^T N)^-1 N^T white, N the whitened nuisance
+  Eigen::MatrixXd gram;   ///< white^T white - (N^T white)^T taken
+};
+/// `y`: rows; `columns`: rows x p, p may be 0.
+SeenChannel seen(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns, Whitener by);
 /// The noise that a fit starts from: white, as large as the gap.
 ChannelNoise white(const Eigen::VectorXd& y);
 
 /// `y` (rows) of joint j against `columns` (rows x p, p may be 0).
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, double kappa);
-/// The same by the better of some given noises, each taken once: quick, for comparing many columns.
+/// `y` and `columns` with one more block of an effect (null: without), by the better of some given noises,
+/// each taken once: quick, for comparing many. `base`: y and columns as each of them sees them.
 ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
-                       const Eigen::MatrixXd& columns, double kappa, const std::vector<Whitener>& by);
+                       const Eigen::MatrixXd& columns, const Term& more, double kappa,
+                       const std::vector<SeenChannel>& base);
+
+/// `y` less the columns `fixed` against the columns `free` (both: which of `columns`), by the better of the
+/// given noises: quick, for trying many subsets.
+ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,
+                      const Eigen::MatrixXd& columns, const std::vector<Eigen::Index>& free,
+                      const std::vector<Eigen::Index>& fixed, double kappa,
+                      const std::vector<SeenChannel>& base);
 
 /// All joints together. `y`: rows x n.
 Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa);
-/// The same by the better of some given noises (one a joint in each), each taken once.
-Fit fit_terms(const GapRows& rows, const Eigen::MatrixXd& y, const std::vector<Term>& terms, double kappa,
-              const std::vector<std::vector<Whitener>>& by);
+
+/// Terms put together: each joint's gap less what is fixed, its columns, and where they stand among all.
+struct Assembled {
+  Eigen::MatrixXd y;                             ///< rows x n
+  std::vector<Eigen::MatrixXd> columns;          ///< of each joint
+  std::vector<std::vector<Eigen::Index>> where;  ///< of each joint's columns: the coefficient
+  std::vector<Term> free;
+  Eigen::Index size = 0;  ///< coefficients
+};
+/// Terms that many fits begin with, by some given noises.
+struct SeenTerms {
+  Assembled terms;
+  std::vector<std::vector<SeenChannel>> by;  ///< of each noise, of each joint
+};
+/// `by`: of each noise one a joint.
+SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
+               const std::vector<std::vector<Whitener>>& by);
+/// These terms and some more, by the better of the noises, each taken once. The coefficients of `more` come
+/// last.
+Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term>& more, double kappa);
 
 /// Covariance of the coefficients of those terms that are not fixed, beside the nominal model's errors, in
 /// the noise that a fit has left (of each joint): what the fit's own last step took for noise may be far

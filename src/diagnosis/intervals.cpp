@@ -102,9 +102,9 @@ Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, E
 }
 
 /// One parameter: its value, the draws of it (values x draws), and the error of the effect's form.
-Estimate estimate_of(const std::string& effect, const std::string& key, const std::string& unit,
+ParameterEstimate estimate_of(const std::string& effect, const std::string& key, const std::string& unit,
                      bool per_joint, const Eigen::VectorXd& values, const Eigen::MatrixXd& drawn) {
-  Estimate out{key, unit, values, values, values, per_joint};
+  ParameterEstimate out{key, unit, values, values, values, per_joint};
   const Eigen::Index draws = drawn.cols();
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     Eigen::VectorXd x = drawn.row(i).transpose();

@@ -3,9 +3,9 @@
 
 namespace dynid::detail {
 
-Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base, double worth) {
   if (grid.empty()) return {&h, {}, 0.0};  // a pair, of a robot with one joint
-  if (h.scope() == Scope::window) return propose_window(by, h, grid, base);
+  if (h.scope() == Scope::window) return propose_window(by, h, grid, base, worth);
   if (own_channel(h, *grid[0][0].block)) return propose_own(by, h, grid, base);
   return propose_coupled(by, h, grid, base);
 }

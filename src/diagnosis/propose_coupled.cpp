@@ -46,8 +46,8 @@ double total(const Evaluator& by, const Hypothesis& h, const std::vector<UnitSha
   return sum;
 }
 
-std::vector<Term> with(const Hypothesis& h, const std::vector<UnitShape>& units, const Base& base) {
-  std::vector<Term> terms = terms_of(base.model.effects);
+std::vector<Term> terms_of(const Hypothesis& h, const std::vector<UnitShape>& units) {
+  std::vector<Term> terms;
   for (const UnitShape& u : units) terms.push_back({u.block.get(), &h});
   return terms;
 }
@@ -64,7 +64,7 @@ void add_joints(const Evaluator& by, const Hypothesis& h, const Units& units, st
       if (used[u] || !std::isfinite(units.gains[u])) continue;
       std::vector<UnitShape> more = effect.units;
       more.push_back(units.best[u]);
-      const Fit fit = fit_terms(by.rows, by.rows.y, with(h, more, base), base.model.kappa, base.by);
+      const Fit fit = fit_terms(by.rows, base.terms, terms_of(h, more), base.model.kappa);
       const double value = total(by, h, more, base, fit);
       if (value > most) most = value, next = u;
     }
@@ -80,7 +80,9 @@ void add_joints(const Evaluator& by, const Hypothesis& h, const Units& units, st
 /// Without the units whose coefficients no such effect can have.
 void keep_plausible(const Evaluator& by, const Hypothesis& h, const Base& base, Adopted& effect) {
   for (bool plausible = h.shape_only(); !plausible && !effect.units.empty();) {
-    const Fit fit = fit_terms(by.rows, by.rows.y, with(h, effect.units, base), base.model.kappa);
+    std::vector<Term> terms = detail::terms_of(base.model.effects);
+    for (const Term& more : terms_of(h, effect.units)) terms.push_back(more);
+    const Fit fit = fit_terms(by.rows, by.rows.y, terms, base.model.kappa);
     Eigen::Index at = fit.theta.size() - effect.coefficients();
     plausible = true;
     std::vector<UnitShape> kept;
@@ -93,9 +95,8 @@ void keep_plausible(const Evaluator& by, const Hypothesis& h, const Base& base, 
     }
     effect.units = std::move(kept);
     if (!plausible && !effect.units.empty())
-      effect.gain =
-          total(by, h, effect.units, base,
-                fit_terms(by.rows, by.rows.y, with(h, effect.units, base), base.model.kappa, base.by));
+      effect.gain = total(by, h, effect.units, base,
+                          fit_terms(by.rows, base.terms, terms_of(h, effect.units), base.model.kappa));
   }
 }
 

@@ -231,7 +231,8 @@ std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& 
   return points;
 }
 
-Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
+                       double worth) {
   const Eigen::Index longest = by.rows.size() * 2 / 5;  // what lasts longer is no window
   Scanned found;
   for (std::size_t u = 0; u < grid.size(); ++u) {
@@ -241,7 +242,8 @@ Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& gri
     if (here.gain > found.gain) found = here;
   }
   Adopted effect{&h, {}, 0.0};
-  if (found.link < 0) return effect;
+  // The scan takes rows as independent, and so gains more than the fit will.
+  if (found.link < 0 || found.gain < worth) return effect;
   WindowFit fit(by, h, base, found, longest);
   for (int pass = 0; pass < 3; ++pass) fit.improve_all(2, 0.0);
   fit.move_ends();

@@ -16,26 +16,43 @@ struct Decided {
 /// Of all subsets of the forms, the one that the joint's evidence asks for.
 Decided decide(const Evaluator& by, const GapModel& model, const std::vector<std::size_t>& own,
                const std::vector<UnitShape>& forms, int joint, const Channel& alone) {
+  // Every subset is fitted by the same noises: white, and that of all forms together.
+  Eigen::MatrixXd columns(by.rows.size(), 0), every(by.rows.size(), 0);
+  Eigen::VectorXd gap = alone.y;
+  std::vector<std::vector<Eigen::Index>> where(own.size());
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    const Eigen::MatrixXd& values = forms[i].block->values[0];
+    const bool fixed = model.effects[own[i]].h->shape_only();
+    const Eigen::MatrixXd mine = fixed ? Eigen::MatrixXd(values.rowwise().sum()) : values;
+    for (Eigen::Index k = 0; k < mine.cols(); ++k) where[i].push_back(columns.cols() + k);
+    columns = beside(columns, mine);
+    if (fixed)
+      gap -= mine;
+    else
+      every = beside(every, mine);
+  }
+  std::vector<SeenChannel> base;
+  for (const ChannelNoise& noise :
+       {white(alone.y), fit_channel(by.rows, joint, gap, every, model.kappa).noise})
+    base.push_back(seen(by.rows, alone.y, columns, whitener(by.rows, joint, noise, model.kappa)));
+
   Decided out;
   double most = -std::numeric_limits<double>::infinity();
   const std::size_t subsets = std::size_t{1} << own.size();
   for (std::size_t subset = 0; subset < subsets; ++subset) {
-    Eigen::VectorXd y = alone.y;
-    Eigen::MatrixXd columns(by.rows.size(), 0);
+    std::vector<Eigen::Index> free, fixed;
     double value = 0.0;
     Decided here;
     for (std::size_t i = 0; i < own.size(); ++i) {
       if ((subset >> i & 1U) == 0) continue;
       const Hypothesis& h = *model.effects[own[i]].h;
-      if (h.shape_only())
-        y -= forms[i].block->values[0].rowwise().sum();
-      else
-        columns = beside(columns, forms[i].block->values[0]);
+      std::vector<Eigen::Index>& into = h.shape_only() ? fixed : free;
+      into.insert(into.end(), where[i].begin(), where[i].end());
       value -= by.price(h, forms[i]) + by.criteria.joint_gain;
       here.units.push_back(forms[i]);
       here.owners.push_back(own[i]);
     }
-    const ChannelFit fit = fit_channel(by.rows, joint, y, columns, model.kappa);
+    const ChannelFit fit = fit_subset(by.rows, joint, alone.y, columns, free, fixed, model.kappa, base);
     Eigen::Index at = 0;
     bool plausible = true;
     for (std::size_t i = 0; i < here.units.size(); ++i) {

@@ -76,16 +76,51 @@ std::vector<GapModel> Search::proposed_elsewhere(const GapModel& base, std::size
 }
 
 std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
+  constexpr std::size_t remembered = 24;
+  Asked asked;
+  asked.second = {base.kappa, double(joint_refits)};
+  for (const Adopted& e : base.effects) {
+    for (const UnitShape& u : e.units) {
+      asked.first.push_back(e.h);
+      asked.second.push_back(double(u.unit));
+      asked.second.insert(asked.second.end(), u.shape.data(), u.shape.data() + u.shape.size());
+    }
+  }
+  {
+    const std::lock_guard<std::mutex> lock(answers_->mutex);
+    if (const auto found = answers_->known.find(asked); found != answers_->known.end()) return found->second;
+  }
+  std::vector<GapModel> models = alternatives_anew(base, joint_refits);
+  const std::lock_guard<std::mutex> lock(answers_->mutex);
+  if (!answers_->known.emplace(asked, models).second) return models;
+  answers_->order.push_back(std::move(asked));
+  if (answers_->order.size() > remembered) {
+    answers_->known.erase(answers_->order.front());
+    answers_->order.pop_front();
+  }
+  return models;
+}
+
+std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_t joint_refits) const {
   if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits));
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
-  tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
-    if (grids_[k].empty()) return;  // an arm of one joint has no pairs
-    for (const Adopted& e : base.effects)
-      if (e.h->name() == library_[k]->name())
-        return;  // once each: another joint of it is a matter of the first choice
-    proposed[k] = propose(by_, *library_[k], grids_[k], beginning);
-  });
+  const auto propose_all = [&](bool windows, double worth) {
+    tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
+      if (grids_[k].empty()) return;  // an arm of one joint has no pairs
+      if ((library_[k]->scope() == Scope::window) != windows) return;
+      for (const Adopted& e : base.effects)
+        if (e.h->name() == library_[k]->name())
+          return;  // once each: another joint of it is a matter of the first choice
+      proposed[k] = propose(by_, *library_[k], grids_[k], beginning, worth);
+    });
+  };
+  propose_all(false, 0.0);
+  // A window costs most to refine: only where it may be among those that are fitted jointly.
+  std::vector<double> gains(joint_refits, 0.0);
+  for (const Adopted& e : proposed) gains.push_back(e.gain);
+  std::sort(gains.rbegin(), gains.rend());
+  propose_all(true, std::max(0.0, gains[joint_refits - 1]));
   std::vector<Adopted> useful;
   for (Adopted& e : proposed)
     if (e.h != nullptr && !e.units.empty() && e.gain > 0.0) useful.push_back(std::move(e));

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynid/diagnosis/diagnose.hpp"
@@ -65,10 +69,21 @@ class Search {
   /// Those that can be, best first.
   std::vector<GapModel> best_first(std::vector<GapModel> models) const;
 
+  /// What alternatives() said last, by effects, units, shapes, kappa and refits: an exchange asks again for
+  /// what the one before it was told. Neither its limit nor the order of threads changes a result.
+  using Asked = std::pair<std::vector<const Hypothesis*>, std::vector<double>>;
+  struct Answers {
+    std::mutex mutex;
+    std::map<Asked, std::vector<GapModel>> known;
+    std::deque<Asked> order;
+  };
+  std::vector<GapModel> alternatives_anew(const GapModel& base, std::size_t joint_refits) const;
+
   const Search* proposer_ = nullptr;
   Evaluator by_;
   std::vector<const Hypothesis*> library_;
   std::vector<Grid> grids_;
+  std::unique_ptr<Answers> answers_ = std::make_unique<Answers>();
 };
 
 }  // namespace dynid::detail

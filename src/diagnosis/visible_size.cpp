@@ -16,16 +16,16 @@ std::vector<VisibleSize> Search::smallest_visible(const GapModel& none) const {
     if (h.shape_only() || h.once() || !own_channel(h, first) || first.size() != 1) continue;
     VisibleSize visible{h.name(), 0, 0.0};
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
+      const Whitener& by = base.terms.by[1][u].by;
       double least = std::numeric_limits<double>::infinity();
       for (const GridPoint& point : grids_[k][u]) {
         // Evidence grows by half of (coefficient / deviation)^2.
         const Eigen::MatrixXd& column = point.block->values[0];
         const double need =
             2.0 * (by_.price(h, {static_cast<int>(u), point.shape, point.block}) + by_.criteria.effect_gain);
-        const Eigen::MatrixXd seen = whitened(by_.rows, column, base.by[1][u].noise);
-        const Eigen::MatrixXd hidden = base.by[1][u].nuisance.transpose() * seen;
-        const double information =
-            seen.squaredNorm() - (hidden.transpose() * base.by[1][u].llt.solve(hidden)).value();
+        const Eigen::MatrixXd seen = whitened(by_.rows, column, by.noise);
+        const Eigen::MatrixXd hidden = by.nuisance.transpose() * seen;
+        const double information = seen.squaredNorm() - (hidden.transpose() * by.llt.solve(hidden)).value();
         const double size = std::sqrt(column.squaredNorm() / double(by_.rows.size()) * need / information);
         if (information > 0.0 && size < least) least = size;
       }

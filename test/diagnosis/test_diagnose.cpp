@@ -247,7 +247,7 @@ TEST(Diagnose, ContactIsFoundInItsWindow) {
   EXPECT_EQ(d.effects[0].effect.name, "external_contact");
   EXPECT_NEAR(value(d.effects[0], "start"), 4.0, 0.2);
   EXPECT_NEAR(value(d.effects[0], "start") + value(d.effects[0], "duration"), 5.2, 0.2);
-  for (const Estimate& e : d.effects[0].parameters)
+  for (const ParameterEstimate& e : d.effects[0].parameters)
     if (e.key != "link") {
       EXPECT_LT(e.low[0], e.high[0]) << e.key;
     }
@@ -711,7 +711,7 @@ TEST(Calibration, FindsErrorsOfTheForm) {
     FoundEffect found;
     found.effect = {"a", {1}, {}};
     const auto estimate = [&](const char* key, double value) {
-      Estimate e{key, "1", Eigen::VectorXd::Constant(1, value), {}, {}};
+      ParameterEstimate e{key, "1", Eigen::VectorXd::Constant(1, value), {}, {}};
       const double half = 1.6449 * 0.01 * calibration().interval_factor;
       e.low = e.value.array() - half;
       e.high = e.value.array() + half;
@@ -736,7 +736,7 @@ TEST(Calibration, ComparesAnglesAndMeasuredValues) {
   found.effect = {"torque_ripple", {1}, {}};
   const auto estimate = [](const char* key, const char* unit, double value, double half) {
     const auto number = [](double x) { return Eigen::VectorXd::Constant(1, x); };
-    return Estimate{key, unit, number(value), number(value - half), number(value + half)};
+    return ParameterEstimate{key, unit, number(value), number(value - half), number(value + half)};
   };
   found.parameters = {estimate("phase", "rad", 3.15, 0.1), estimate("order", "1", 7.0, 0.0)};
   c.found = {found};

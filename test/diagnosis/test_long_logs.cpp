@@ -112,7 +112,7 @@ TEST(LongLogs, SameNamesBoundedMemory) {
   // All rows are fitted and shown, not those alone that were searched.
   EXPECT_GT(longer.diagnosis.series.t.size(), 7 * brief.diagnosis.series.t.size());
   const auto width = [](const Measured& run) {
-    for (const Estimate& e : run.diagnosis.effects.at(0).parameters)
+    for (const ParameterEstimate& e : run.diagnosis.effects.at(0).parameters)
       if (e.key == "coefficient") return e.high[1] - e.low[1];
     return 0.0;
   };

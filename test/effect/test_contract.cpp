@@ -196,7 +196,7 @@ TEST_P(Contract, TheDiagnosisWritesAndReportsItsWords) {
     std::string words = h->name();
     std::replace(words.begin(), words.end(), '_', ' ');
     EXPECT_NE(html.find(words), std::string::npos);
-    for (const Estimate& p : found.parameters) {
+    for (const ParameterEstimate& p : found.parameters) {
       std::string label = p.key;
       std::replace(label.begin(), label.end(), '_', ' ');
       EXPECT_NE(html.find(label), std::string::npos) << label;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <map>
 #include <string>
@@ -28,11 +29,15 @@ struct BlindOptions {
   /// random_family_robot() and random_family_run(), and 0 to 3 effects; the nominal robot, `duration` and
   /// `rate` are not used.
   bool family = false;
-  std::string folder;      ///< where logs and, apart from them, labels are written
+  /// Where logs (with, in the family, each case's nominal model) and, apart from them, labels are written.
+  std::string folder;
   double duration = 12.0;  ///< [s] of each of a case's two logs
   double rate = 250.0;     ///< [Hz]
   DiagnoseOptions diagnose;
   std::function<void(int done, int of)> progress;  ///< serialised
+  /// Cases that have not begun are left out once it is set; may be null. An exception out of `progress` would
+  /// not do: it would cancel the loops inside the diagnoses that are under way.
+  const std::atomic<bool>* stop = nullptr;
 };
 
 /// One case: what was put in, and what came out.

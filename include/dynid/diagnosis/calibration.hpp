@@ -31,7 +31,7 @@ struct Calibration {
 
   /// What a form error of element `i` is relative to: a joint's own value, or a vector's length. A time, an
   /// angle and a place have no size, only an origin: 1 s, 1 deg, 1 rad or 1 m.
-  static double scale(const Estimate& e, Eigen::Index i) {
+  static double scale(const ParameterEstimate& e, Eigen::Index i) {
     for (const char* unit : {"s", "deg", "rad", "m"})
       if (e.unit == unit) return 1.0;
     return e.per_joint ? std::abs(e.value[i]) : e.value.norm();

@@ -35,7 +35,7 @@ const char* to_string(Verdict verdict);
 class Hypothesis;
 
 /// One number (or several) with its 90 % interval.
-struct Estimate {
+struct ParameterEstimate {
   std::string key, unit;
   Eigen::VectorXd value, low, high;
   bool per_joint = false;  ///< one number for each joint of the robot; else of the effect as a whole
@@ -47,7 +47,7 @@ struct FoundEffect {
   double share = 0.0;  ///< of the explained gap's energy, whatever the order of effects
   double probability = 0.0;
   std::vector<std::string> aliases;  ///< effects that this log cannot tell from it
-  std::vector<Estimate> parameters;
+  std::vector<ParameterEstimate> parameters;
 };
 
 /// An effect as a candidate.

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
+#include <algorithm>
+
 #include "../body.hpp"
 #include "effects.hpp"
 
 namespace dynid::detail {
 namespace {
 
-// In parts of the arm's reach: a ring around the flange; a load beyond which none is carried; a flange that
-// the model leaves at the last joint.
-constexpr double behind_the_flange = 0.03, farthest = 1.0, no_flange = 0.01;
+// In parts of the arm's reach: a ring around the flange; how far from it a load is carried; a flange that the
+// model leaves at the last joint.
+constexpr double behind_the_flange = 0.03, farthest = 0.7, no_flange = 0.01;
 
 class Payload : public Hypothesis {
  public:
@@ -36,12 +38,19 @@ class Payload : public Hypothesis {
     shape.resize(0);
   }
   bool plausible(const Robot& robot, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
+    if (!(c[0] > 0.0)) return false;
     const double reach = arm_reach(robot);
-    if (!(c[0] > 0.0) || (c.segment<3>(1) / c[0]).norm() > farthest * reach) return false;
-    // Where the model says where the flange is, what it carries is in front of it.
-    if (robot.tip.translation().norm() < no_flange * reach) return true;
-    const Eigen::Vector3d com = robot.tip.inverse() * Eigen::Vector3d(c.segment<3>(1) / c[0]);
-    return com.z() > -behind_the_flange * reach;
+    const Eigen::Vector3d flange = robot.tip.translation(),
+                          com = Eigen::Vector3d(c.segment<3>(1) / c[0]) - flange;
+    if (com.norm() > farthest * reach) return false;
+    // Where the model says where the flange is, what it carries is in front of it: along the flange's own
+    // axis z or, where that points elsewhere, on the side away from the last link.
+    if (flange.norm() < no_flange * reach) return true;
+    const StandardParameters& link = robot.joints.back().parameters;
+    const Eigen::Vector3d away =
+        link[0] > 0.0 ? Eigen::Vector3d(flange - link.segment<3>(1) / link[0]) : flange;
+    return std::max(com.dot(robot.tip.linear().col(2)), com.dot(away.normalized())) >
+           -behind_the_flange * reach;
   }
   Eigen::VectorXd nominal(const Robot&, int) const override { return Eigen::VectorXd::Zero(10); }
   bool possible(const Eigen::VectorXd& c) const override { return is_body(c); }
