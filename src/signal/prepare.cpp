@@ -76,43 +76,117 @@ Interval fresh_interval(const Log& log) {
   return out;
 }
 
-/// Delay d with dq(t) = v(t - d), v the derivative of q, pooled over joints by energy; and its spread over
-/// joints.
+/// dq(t) = gain v(t - lag), v the derivative of q, of one joint; error: standard deviation of the lag [s],
+/// from how it differs between blocks of the log. A joint at rest has none: error is 0.
 struct Lag {
-  double value = 0.0;
-  double error = 0.0;
+  double value = 0.0, error = 0.0, gain = 1.0;
 };
 
-Lag velocity_lag(const Log& log, const Interval& in, double cutoff) {
+Lag velocity_lag(const Eigen::VectorXd& t, const Eigen::VectorXd& q, const Eigen::VectorXd& dq,
+                 const Eigen::VectorXd& grid, double rate, double cutoff) {
+  constexpr Eigen::Index blocks = 10;
+  constexpr double longest = 0.5;  // step, in parts of 1 / cutoff
+  const ZeroPhaseButterworth filter(cutoff, rate);
+  Eigen::MatrixXd v = interpolate(t, q, grid);
+  filter.apply(v);
+  v = differentiate(v, rate);
+  const Eigen::MatrixXd a = differentiate(v, rate);
+  const Eigen::Index size = grid.size() / blocks;
+  Lag out;
+  const double still = 1e-9 * double(grid.size());
+  if (a.squaredNorm() <= still || v.squaredNorm() <= still || size < 2) return {};
+  // The gain is fitted along: a speed in other units, or by other stamps, is not late.
+  const auto fit = [&](const Eigen::MatrixXd& w, Eigen::Index first, Eigen::Index count) -> Eigen::Vector2d {
+    const Eigen::VectorXd vs = v.col(0).segment(first, count), as = a.col(0).segment(first, count),
+                          ws = w.col(0).segment(first, count);
+    const double vv = vs.squaredNorm(), va = vs.dot(as), aa = as.squaredNorm(), vw = vs.dot(ws),
+                 aw = as.dot(ws);
+    const double det = vv * aa * (1.0 + 1e-12) - va * va;
+    return {(aa * vw - va * aw) / det, (vv * aw - va * vw) / det};
+  };
+  const double most = longest / cutoff;
+  Eigen::MatrixXd w;
+  for (int pass = 0; pass < 5; ++pass) {  // a first-order step, repeated, reaches lags beyond one sample
+    w = interpolate(t, dq, grid.array() + out.value);
+    filter.apply(w);
+    const Eigen::Vector2d x = fit(w, 0, grid.size());
+    out.gain = x[0];
+    if (!(std::abs(x[0]) > 1e-9)) return {};
+    if (pass < 4) out.value += std::clamp(-x[1] / x[0], -most, most);
+  }
+  double weight = 0.0, sum = 0.0;
+  for (Eigen::Index b = 0; b < blocks; ++b) {
+    const double here = a.middleRows(b * size, size).squaredNorm();
+    const Eigen::Vector2d x = fit(w, b * size, size);
+    if (!(here > 1e-3 * a.squaredNorm() / blocks) || !x.allFinite()) continue;
+    weight += here;
+    sum += std::pow(here * x[1] / out.gain, 2);
+  }
+  out.error = std::sqrt(sum * blocks / (blocks - 1.0)) / std::max(weight, 1e-300);
+  return out;
+}
+
+std::vector<Lag> velocity_lags(const Log& log, const Interval& in, double cutoff) {
   const auto count = static_cast<Eigen::Index>(in.rows.size());
   const Eigen::VectorXd t = pick(log.t, in.rows.data(), count);
   const Eigen::VectorXd grid = uniform_grid(t[0], t[count - 1], in.rate);
-  const ZeroPhaseButterworth filter(std::min(cutoff, 0.4 * in.rate), in.rate);
-  std::vector<double> lags, weights;
-  for (int j = 0; j < log.joints(); ++j) {
-    Eigen::MatrixXd v = interpolate(t, pick(log.q.col(j), in.rows.data(), count), grid);
-    filter.apply(v);
-    v = differentiate(v, in.rate);
-    const Eigen::MatrixXd a = differentiate(v, in.rate);
-    const Eigen::VectorXd raw = pick(log.dq.col(j), in.rows.data(), count);
-    double lag = 0.0;
-    for (int pass = 0; pass < 4; ++pass) {  // a first-order step, repeated, reaches lags beyond one sample
-      Eigen::MatrixXd w = interpolate(t, raw, grid.array() + lag);
-      filter.apply(w);
-      lag -= a.col(0).dot(w.col(0) - v.col(0)) / std::max(a.squaredNorm(), 1e-12);
-      lag = std::clamp(lag, -0.2, 0.2);
+  std::vector<Lag> out;
+  for (int j = 0; j < log.joints(); ++j)
+    out.push_back(velocity_lag(t, pick(log.q.col(j), in.rows.data(), count),
+                               pick(log.dq.col(j), in.rows.data(), count), grid, in.rate,
+                               std::min(cutoff, 0.4 * in.rate)));
+  return out;
+}
+
+/// Names what dq has against the derivative of q, and mends the lag: one time for all joints where they
+/// agree.
+void check_velocity(const Log& log, const Interval& in, const PrepareOptions& options, PreparedLog& out) {
+  // A lag less than this part of the band's time constant changes nothing that is seen in the band; a gain
+  // nearer to 1 is within what stamps and encoders are.
+  constexpr double least_lag = 0.01, least_gain = 0.02, sure = 4.0;
+  const std::vector<Lag> lags = velocity_lags(log, in, out.cutoff);
+  std::vector<double> values;
+  for (const Lag& lag : lags)
+    if (lag.error > 0.0) values.push_back(lag.value);
+  if (values.empty()) return;
+  const double common = median(values);
+  const auto agrees = [&](const Lag& lag) {
+    return std::abs(lag.value - common) <= std::max(sure * lag.error, least_lag / out.cutoff);
+  };
+  const bool together =
+      std::all_of(lags.begin(), lags.end(), [&](const Lag& lag) { return lag.error == 0.0 || agrees(lag); });
+  std::vector<int> all, scaled;
+  std::vector<double> gains, errors;
+  for (std::size_t j = 0; j < lags.size(); ++j) {
+    const Lag& lag = lags[j];
+    if (lag.error > 0.0 && std::abs(lag.gain - 1.0) > least_gain) {
+      scaled.push_back(static_cast<int>(j) + 1);
+      gains.push_back(lag.gain);
     }
-    const double energy = a.squaredNorm();
-    if (energy <= 1e-9 * double(grid.size())) continue;  // a joint at rest has no lag
-    lags.push_back(lag);
-    weights.push_back(energy);
+    if (lag.error > 0.0) errors.push_back(lag.error);
+    if (together) all.push_back(static_cast<int>(j) + 1);
   }
-  if (lags.empty()) return {};
-  const double value = median(lags);
-  std::vector<double> off;
-  off.reserve(lags.size());
-  for (double lag : lags) off.push_back(std::abs(lag - value));
-  return {value, deviations_to_sigma * median(off) / std::sqrt(double(lags.size()))};
+  const auto say = [&](const std::vector<int>& joints, double value, double error) {
+    if (std::abs(value) <= least_lag / out.cutoff || std::abs(value) <= sure * error) return;
+    if (options.mend_velocity_lag)
+      for (const int j : joints) out.velocity_lag[j - 1] = value;
+    out.report.issues.push_back(
+        {"velocity_lag", joints, value, "s",
+         sentence({"the logged dq comes ", " ms (", " to ",
+                   options.mend_velocity_lag ? ") after the derivative of q; realigned"
+                                             : ") after the derivative of q"},
+                  {1e3 * value, 1e3 * (value - 1.645 * error), 1e3 * (value + 1.645 * error)})});
+  };
+  if (together) {
+    say(all, common, median(errors) / std::sqrt(double(errors.size())));
+  } else {
+    for (std::size_t j = 0; j < lags.size(); ++j)
+      if (lags[j].error > 0.0) say({static_cast<int>(j) + 1}, lags[j].value, lags[j].error);
+  }
+  if (!scaled.empty())
+    out.report.issues.push_back(
+        {"velocity_gain", scaled, median(gains), "1",
+         sentence({"the logged dq is ", " times the derivative of q by the stamps"}, {median(gains)})});
 }
 
 /// Noise of the acceleration just above the band, once differentiated from dq and twice from q.
@@ -288,20 +362,8 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
   }
 
   const bool has_velocity = log.dq.size() > 0;
-  if (has_velocity) {
-    const Lag lag = velocity_lag(log, in, out.cutoff);
-    if (std::abs(lag.value) > 1e-3 && std::abs(lag.value) > 4.0 * lag.error) {
-      std::vector<int> all(static_cast<std::size_t>(n));
-      std::iota(all.begin(), all.end(), 1);
-      if (options.mend_velocity_lag) out.velocity_lag = lag.value;
-      out.report.issues.push_back(
-          {"velocity_lag", all, lag.value, "s",
-           sentence(
-               {"the logged dq comes ", options.mend_velocity_lag ? " ms after the derivative of q; realigned"
-                                                                  : " ms after the derivative of q"},
-               {1e3 * lag.value})});
-    }
-  }
+  out.velocity_lag = Eigen::VectorXd::Zero(n);
+  if (has_velocity) check_velocity(log, in, options, out);
   out.motion = options.source;
   if (!has_velocity) out.motion = MotionSource::position;
   if (out.motion == MotionSource::automatic)
@@ -351,7 +413,7 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
       band.apply(x);
       s.q.col(j) = thin(x);
       if (out.motion == MotionSource::velocity) {
-        x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag);
+        x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag[j]);
         band.apply(x);
       } else {
         x = differentiate(x, fine);
@@ -360,7 +422,7 @@ PreparedLog prepare(const Log& log, const PrepareOptions& options) {
       s.ddq.col(j) = thin(differentiate(x, fine));
       if (options.speed_cutoff > 0.0) {
         if (has_velocity)
-          x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag);
+          x = interpolate(t, pick(log.dq.col(j), rows, count), grid.array() + out.velocity_lag[j]);
         else
           x = differentiate(interpolate(t, pick(log.q.col(j), rows, count), grid), fine);
         ZeroPhaseButterworth(std::min(options.speed_cutoff, 0.4 * std::min(in.rate, rate)), fine).apply(x);
