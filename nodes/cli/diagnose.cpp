@@ -7,6 +7,7 @@
 #include "cli/commands.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/number.hpp"
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/model/model_warning.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -18,7 +19,7 @@ struct Arguments {
   RobotOption model;
   LogOption input;
   std::vector<std::string> logs, withhold;
-  std::string assume, reference, patch, report, next_trajectory;
+  std::string assume, reference, calibration, patch, report, next_trajectory;
   DiagnoseOptions options;
 };
 
@@ -32,6 +33,7 @@ std::string command_line(const Arguments& a) {
   command.reference = a.reference;
   if (a.input.topic != LogOption().topic) command.topic = a.input.topic;
   command.withhold = a.withhold;
+  command.calibration = a.calibration;
   command.assume = a.assume;
   for (const double x : a.model.gravity)
     command.gravity += (command.gravity.empty() ? "" : ",") + exact_number(x);
@@ -52,6 +54,11 @@ int run(const Arguments& a) {
   job.withhold = a.withhold;
   job.assume = a.assume;
   check_options(job);
+  Calibration calibration;  // to outlive the job
+  if (!a.calibration.empty()) {
+    calibration = read_calibration(a.calibration);
+    job.options.calibration = &calibration;
+  }
   a.output.check({a.patch, a.report, a.next_trajectory});
   Output silent = a.output;
   silent.quiet = true;
@@ -99,6 +106,11 @@ void add_diagnose(CLI::App& app, int& status) {
   command->add_option("--withhold", a->withhold,
                       "Take friction or payload out of the model, or an effect out of the library");
   command->add_option("--patch", a->patch, "Model to write, with the effects in it (YAML)")
+      ->type_name("FILE");
+  command
+      ->add_option("--calibration", a->calibration,
+                   "What makes probabilities and intervals mean what they say, of another bank than the one "
+                   "that is built in (YAML, written by blind --calibrate)")
       ->type_name("FILE");
   command
       ->add_option("--report", a->report,

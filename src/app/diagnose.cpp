@@ -118,6 +118,7 @@ std::string DiagnoseCommand::line() const {
   add("--reference", reference);
   add("--topic", topic);
   for (const std::string& name : withhold) add("--withhold", name);
+  if (!calibration.empty()) add("--calibration", calibration);
   add("--assume", assume);
   add("--gravity", gravity);
   add("--columns", columns);

@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "base/yaml.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/base/file.hpp"
+#include "dynid/base/number.hpp"
 #include "dynid/base/statistics.hpp"
 
 namespace dynid {
@@ -127,29 +130,84 @@ void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
   for (const auto& [name, column] : names) c.weight_of_name[name] = w[column];
 }
 
+/// What the arms and logs of a bank over the family were.
+std::map<std::string, std::pair<double, double>> family_of(const std::vector<BlindCase>& cases) {
+  std::map<std::string, std::pair<double, double>> out;
+  for (const auto& [drawn, key] : {std::pair{"joints", "joints"}, std::pair{"rate", "rate_hz"},
+                                   std::pair{"duration", "duration_s"}, std::pair{"logs", "logs"}}) {
+    for (const BlindCase& c : cases) {
+      const auto found = c.drawn.find(drawn);
+      if (found == c.drawn.end()) continue;
+      const double value = std::stod(found->second);
+      const auto range = out.emplace(key, std::pair{value, value}).first;
+      range->second.first = std::min(range->second.first, value);
+      range->second.second = std::max(range->second.second, value);
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
+Calibration parse_calibration(const std::string& text, const std::string& name) {
+  const detail::YamlItem file =
+      detail::YamlItem::document(text, name, "dynid-calibration-1", "a calibration");
+  file.expect_keys({"format", "temperature", "weight_of_one", "weights", "weight_of_name", "interval_factor",
+                    "interval_factor_off", "form_error", "form_errors", "family"});
+  Calibration c;
+  c.temperature = file.at("temperature").positive_number();
+  c.weight_of_one = file.at("weight_of_one").number();
+  const detail::YamlItem weights = file.at("weights");
+  weights.expect_keys({ground_names.begin(), ground_names.end()});
+  for (std::size_t k = 0; k < ground_count; ++k) c.weights.value[k] = weights.at(ground_names[k]).number();
+  for (const auto& [effect, weight] : file.at("weight_of_name").entries())
+    c.weight_of_name[effect] = weight.number();
+  c.interval_factor = file.at("interval_factor").positive_number();
+  c.interval_factor_off = file.at("interval_factor_off").positive_number();
+  c.form_error = file.at("form_error").number();
+  for (const auto& [parameter, error] : file.at("form_errors").entries())
+    c.form_errors[parameter] = error.number();
+  for (const auto& [key, range] : file.at("family").entries()) {
+    const Eigen::Vector2d ends = range.vector<2>();
+    c.family[key] = {ends[0], ends[1]};
+  }
+  return c;
+}
+
+Calibration read_calibration(const std::string& path) { return parse_calibration(read_file(path), path); }
+
 const Calibration& calibration() {
-  static const Calibration inside = [] {
-    const detail::YamlItem file =
-        detail::YamlItem::document(detail::calibration_in_use, "config/diagnosis_calibration.yaml",
-                                   "dynid-calibration-1", "a calibration");
-    file.expect_keys({"format", "temperature", "weight_of_one", "weights", "weight_of_name",
-                      "interval_factor", "interval_factor_off", "form_error", "form_errors"});
-    Calibration c;
-    c.temperature = file.at("temperature").positive_number();
-    c.weight_of_one = file.at("weight_of_one").number();
-    const detail::YamlItem weights = file.at("weights");
-    weights.expect_keys({ground_names.begin(), ground_names.end()});
-    for (std::size_t k = 0; k < ground_count; ++k) c.weights.value[k] = weights.at(ground_names[k]).number();
-    c.interval_factor = file.at("interval_factor").positive_number();
-    c.interval_factor_off = file.at("interval_factor_off").positive_number();
-    c.form_error = file.at("form_error").number();
-    for (const auto& [parameter, error] : file.at("form_errors").entries())
-      c.form_errors[parameter] = error.number();
-    return c;
-  }();
+  static const Calibration inside =
+      parse_calibration(detail::calibration_in_use, "config/diagnosis_calibration.yaml");
   return inside;
+}
+
+std::vector<std::string> outside_family(const Calibration& calibration, const std::vector<Log>& logs) {
+  std::vector<std::string> out;
+  const auto look = [&](const char* key, const std::string& what, double value) {
+    const auto range = calibration.family.find(key);
+    if (range == calibration.family.end()) return;
+    const auto& [low, high] = range->second;
+    constexpr double room = 1.05;  // rates and lengths are seldom what they are called
+    if (value * room < low || value > room * high)
+      out.push_back(what + " (" + short_number(value, 3) + ", there " + short_number(low, 3) + " to " +
+                    short_number(high, 3) + ")");
+  };
+  look("joints", "the number of joints", double(logs.front().joints()));
+  look("logs", "the number of logs", double(logs.size()));
+  double shortest = std::numeric_limits<double>::infinity(), longest = 0.0, slowest = shortest,
+         quickest = 0.0;
+  for (const Log& log : logs) {
+    const double duration = log.t[log.samples() - 1] - log.t[0],
+                 rate = double(log.samples() - 1) / std::max(duration, 1e-9);
+    shortest = std::min(shortest, duration), longest = std::max(longest, duration);
+    slowest = std::min(slowest, rate), quickest = std::max(quickest, rate);
+  }
+  look("duration_s", "the shortest log's length [s]", shortest);
+  if (longest > shortest) look("duration_s", "the longest log's length [s]", longest);
+  look("rate_hz", "the slowest log's rate [Hz]", slowest);
+  if (quickest > slowest) look("rate_hz", "the quickest log's rate [Hz]", quickest);
+  return out;
 }
 
 double Calibration::probability(const std::string& name, const Grounds& grounds) const {
@@ -199,6 +257,7 @@ Calibration fit_calibration(const std::vector<BlindCase>& cases) {
     }
   }
   best.form_errors = form_errors(errors, best, none);
+  best.family = family_of(cases);
   std::vector<WeightedSample> all;
   for (const Error90& e : errors) all.push_back({beyond(e, best), e.weight});
   if (!all.empty()) best.form_error = quantile(all, interval);
@@ -220,6 +279,9 @@ std::string calibration_yaml(const Calibration& c, const std::string& command) {
   out << "interval_factor: " << c.interval_factor << "\ninterval_factor_off: " << c.interval_factor_off
       << "\nform_error: " << c.form_error << "\nform_errors:\n";
   for (const auto& [parameter, error] : c.form_errors) out << "  " << parameter << ": " << error << "\n";
+  out << "family:" << (c.family.empty() ? " {}\n" : "\n");
+  for (const auto& [key, range] : c.family)
+    out << "  " << key << ": [" << range.first << ", " << range.second << "]\n";
   return out.str();
 }
 

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/text.hpp"
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/effect/enter.hpp"
@@ -85,14 +87,15 @@ void judge_reading(const ConventionReport& report, Diagnosis& out) {
 
 /// The effects that are named, with their intervals, over all rows that show them.
 std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, const Choice& choice,
-                               const Judged& judged, unsigned seed) {
+                               const Judged& judged, const DiagnoseOptions& options) {
   const GapRows& whole = judged.windowed ? choice.rows : everything;
   GapModel model = judged.model;
   model.effects = carried(whole, model.effects);
   model.fit = fit_of(whole, model.effects, model.kappa);
   std::vector<FoundEffect> out;
   for (const std::size_t k : by_share(judged.shares)) {
-    out.push_back(found_effect(nominal, whole, model, k, seed + static_cast<unsigned>(k)));
+    out.push_back(found_effect(nominal, whole, model, k, options.seed + static_cast<unsigned>(k),
+                               calibration(options)));
     out.back().probability = judged.ranked.probability[k];
     out.back().aliases = judged.ranked.aliases[k];
     out.back().share = judged.shares[k];
@@ -157,6 +160,13 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   say("nominal model", 0.05);
   const std::vector<DataIssue> invalid = unusable(logs, out.logs, joint_scales(nominal));
   out.answerable = can_answer(nominal, logs, out.logs);
+  if (const std::vector<std::string> outside = outside_family(calibration(options), logs); !outside.empty())
+    out.logs.front().report.issues.push_back(
+        {"outside_calibration",
+         {},
+         double(outside.size()),
+         "1",
+         "outside the arms and logs that the probabilities were calibrated on: " + join(outside)});
   GapRows everything(nominal, out.logs);
   const int count = static_cast<int>(logs.size());
   const bool longer = everything.size() > options.criteria.searched_rows;
@@ -226,7 +236,7 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   out.ranking = judged.ranked.ranking;
   out.shrink = judged.shrink;
   say("intervals", 0.95);
-  if (adopts(out.verdict)) out.effects = named(nominal, moving, judged_on, judged, options.seed);
+  if (adopts(out.verdict)) out.effects = named(nominal, moving, judged_on, judged, options);
   std::vector<std::string> names;
   for (const Log& log : logs) names.push_back(log.source);
   put_series(nominal, everything, judged_on, judged, names, out);

@@ -103,7 +103,8 @@ Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, E
 
 /// One parameter: its value, the draws of it (values x draws), and the error of the effect's form.
 ParameterEstimate estimate_of(const std::string& effect, const std::string& key, const std::string& unit,
-                     bool per_joint, const Eigen::VectorXd& values, const Eigen::MatrixXd& drawn) {
+                              bool per_joint, const Eigen::VectorXd& values, const Eigen::MatrixXd& drawn,
+                              const Calibration& by) {
   ParameterEstimate out{key, unit, values, values, values, per_joint};
   const Eigen::Index draws = drawn.cols();
   for (Eigen::Index i = 0; i < values.size(); ++i) {
@@ -113,8 +114,7 @@ ParameterEstimate estimate_of(const std::string& effect, const std::string& key,
                  above = std::max(0.0, x[draws - 1 - draws / 20] - value);
     // What is chosen (a link, a sign), not measured, has no interval.
     const bool measured = below > 0.0 || above > 0.0;
-    const double form =
-        measured ? calibration().form_error_of(effect, key) * Calibration::scale(out, i) : 0.0;
+    const double form = measured ? by.form_error_of(effect, key) * Calibration::scale(out, i) : 0.0;
     out.low[i] = value - std::hypot(below, form);
     out.high[i] = value + std::hypot(above, form);
   }
@@ -124,7 +124,7 @@ ParameterEstimate estimate_of(const std::string& effect, const std::string& key,
 }  // namespace
 
 FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel& model, std::size_t which,
-                         unsigned seed) {
+                         unsigned seed, const Calibration& by) {
   const Adopted& e = model.effects[which];
   Eigen::Index first = 0;
   for (std::size_t k = 0; k < which; ++k) first += model.effects[k].coefficients();
@@ -140,7 +140,7 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (const Eigen::VectorXd& v : best.values) drawn.emplace_back(v.size(), draws);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
-  const double factor = model.kappa > 0.0 ? calibration().interval_factor_off : calibration().interval_factor;
+  const double factor = model.kappa > 0.0 ? by.interval_factor_off : by.interval_factor;
   for (int d = 0; d < draws; ++d) {
     Eigen::VectorXd z(root.cols());
     for (double& x : z) x = normal(random);
@@ -162,8 +162,8 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (std::size_t k = 0; k < best.keys.size(); ++k) {
     found.effect.parameters[best.keys[k]] =
         std::vector<double>(best.values[k].data(), best.values[k].data() + best.values[k].size());
-    found.parameters.push_back(
-        estimate_of(e.h->name(), best.keys[k], best.units[k], best.per_joint[k], best.values[k], drawn[k]));
+    found.parameters.push_back(estimate_of(e.h->name(), best.keys[k], best.units[k], best.per_joint[k],
+                                           best.values[k], drawn[k], by));
   }
   return found;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/diagnose.hpp"
 #include "gap_model.hpp"
 
@@ -10,6 +11,6 @@ namespace dynid::detail {
 /// together from the fit's covariance, which takes in the derivatives with respect to the shapes.
 /// Probability, share and aliases are left to others.
 FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel& model, std::size_t which,
-                         unsigned seed);
+                         unsigned seed, const Calibration& by);
 
 }  // namespace dynid::detail

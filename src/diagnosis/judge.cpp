@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "dynid/base/statistics.hpp"
+#include "dynid/diagnosis/calibration.hpp"
 #include "energy.hpp"
 #include "held_out.hpp"
 #include "shares.hpp"
@@ -54,7 +55,7 @@ class Judge {
       for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
         const double here = out.shares[k] < criteria_.least_share || below_form(choice_, out.model, k)
                                 ? 0.0
-                                : needed(choice_, out.model, k);
+                                : needed(choice_, out.model, k, calibration(options_));
         if (here < lowest) lowest = here, least = k;
       }
       if (lowest >= criteria_.least_probability) break;
@@ -66,7 +67,7 @@ class Judge {
   /// Weighs what is left, all of it together, and names of it what is more likely there than not, itself or
   /// what is as good in its place.
   void weigh(Judged& out) const {
-    const Ranked all = rank(choice_, out.model, out.shares, noise_);
+    const Ranked all = rank(choice_, out.model, out.shares, noise_, calibration(options_));
     out.ranked.ranking = all.ranking;
     std::vector<Adopted> likely;
     for (std::size_t k = 0; k < out.model.effects.size(); ++k) {

@@ -59,13 +59,13 @@ std::vector<std::size_t> by_share(const std::vector<double>& shares) {
   return order;
 }
 
-double needed(const Choice& choice, const GapModel& model, std::size_t which) {
+double needed(const Choice& choice, const GapModel& model, std::size_t which, const Calibration& by) {
   const FormError form = form_error(choice, model, which);
   const auto score = [&](const GapModel& m) {
     return m.score - m.fit.total + evidence_with_form(choice.rows, m.fit, form.size, form.innovation);
   };
   const GapModel base = choice.search.evaluate(without(model.effects, which), model.kappa);
-  return 1.0 / (1.0 + std::exp((score(base) - score(model)) / calibration().temperature));
+  return 1.0 / (1.0 + std::exp((score(base) - score(model)) / by.temperature));
 }
 
 bool below_form(const Choice& choice, const GapModel& model, std::size_t which) {
@@ -77,8 +77,7 @@ bool below_form(const Choice& choice, const GapModel& model, std::size_t which) 
 }
 
 Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares,
-            const Eigen::VectorXd& floor) {
-  const Calibration& by = calibration();
+            const Eigen::VectorXd& floor, const Calibration& by) {
   const std::size_t count = model.effects.size();
   Ranked out{std::vector<double>(count),
              std::vector<double>(count),

@@ -22,10 +22,10 @@ struct Ranked {
 /// nothing there. What the forms of the others are not exact in is variance for all of them: an effect whose
 /// gain is below what that could make is not probable. `shares`: of its effects; `floor`: n [N m or N].
 Ranked rank(const Choice& choice, const GapModel& model, const std::vector<double>& shares,
-            const Eigen::VectorXd& floor);
+            const Eigen::VectorXd& floor, const Calibration& by);
 
 /// Probability that effect `which` of the set is there, if it or nothing in its place is.
-double needed(const Choice& choice, const GapModel& model, std::size_t which);
+double needed(const Choice& choice, const GapModel& model, std::size_t which, const Calibration& by);
 
 /// On every joint where effect `which` of the set acts it is smaller than what the forms of the others are
 /// not exact in there.

@@ -698,6 +698,39 @@ TEST(Calibration, FindsTheWeights) {
   EXPECT_THROW(fit_calibration(cases), Error);
 }
 
+// Law: a calibration that is written is the one that is read, and the program uses all of it.
+TEST(Calibration, WhatIsWrittenIsRead) {
+  const Calibration& inside = calibration();
+  EXPECT_FALSE(inside.weight_of_name.empty());
+  EXPECT_FALSE(inside.form_errors.empty());
+  EXPECT_FALSE(inside.family.empty());
+  const std::string text = calibration_yaml(inside, "a command");
+  EXPECT_EQ(calibration_yaml(parse_calibration(text, "a text"), "a command"), text);
+  Grounds g;
+  Calibration other = parse_calibration(text, "a text");
+  other.weight_of_name["coulomb_friction"] += 1.0;
+  EXPECT_GT(other.probability("coulomb_friction", g), inside.probability("coulomb_friction", g));
+  EXPECT_EQ(other.probability("backlash", g), parse_calibration(text, "a text").probability("backlash", g));
+  EXPECT_THROW(parse_calibration("format: dynid-calibration-1\n", "a text"), Error);
+}
+
+// Law: a log within the family is not remarked on, one twice as long or slow is, by what it is outside in.
+TEST(Calibration, SaysWhatLiesOutsideItsFamily) {
+  Calibration c;
+  c.family = {{"joints", {1, 7}}, {"rate_hz", {30, 1000}}, {"duration_s", {6, 60}}, {"logs", {1, 2}}};
+  const auto log = [](int joints, double rate, double duration) {
+    Log out;
+    const auto samples = static_cast<Eigen::Index>(rate * duration) + 1;
+    out.t = Eigen::VectorXd::LinSpaced(samples, 0.0, duration);
+    out.q = Eigen::MatrixXd::Zero(samples, joints);
+    return out;
+  };
+  EXPECT_TRUE(outside_family(c, {log(7, 30.0, 6.0)}).empty());
+  EXPECT_EQ(outside_family(c, {log(8, 15.0, 120.0)}).size(), 3u);
+  EXPECT_EQ(outside_family(c, {log(7, 100.0, 10.0), log(7, 100.0, 10.0), log(7, 100.0, 10.0)}).size(), 1u);
+  EXPECT_TRUE(outside_family(Calibration(), {log(8, 15.0, 120.0)}).empty());
+}
+
 // Law: errors that come with the effect's form, whatever the noise, widen that parameter's interval alone, to
 // hold nine in ten of them.
 TEST(Calibration, FindsErrorsOfTheForm) {

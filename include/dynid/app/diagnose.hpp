@@ -57,7 +57,7 @@ struct DiagnoseCommand {
   std::vector<std::string> logs;
   std::string reference, topic;
   std::vector<std::string> withhold;
-  std::string assume, gravity, columns;
+  std::string assume, calibration, gravity, columns;
   double rate = 0.0;
   double cutoff = 0.0;
   double tolerance = DiagnoseOptions().tolerance;

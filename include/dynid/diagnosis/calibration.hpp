@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynid/diagnosis/blind.hpp"
@@ -12,8 +13,7 @@
 namespace dynid {
 
 /// What makes the probabilities and intervals of a diagnosis mean what they say: fitted once on a simulated
-/// bank, never on cases that are reported. The one in use is config/diagnosis_calibration.yaml, built into
-/// the library.
+/// bank, never on cases that are reported. config/diagnosis_calibration.yaml is built into the library.
 struct Calibration {
   double temperature = 4.0;  ///< scores are log probabilities times this
   /// Weights of the grounds of an effect, and of 1: its probability is the logistic function of their sum.
@@ -28,6 +28,10 @@ struct Calibration {
   /// in units of scale(). What is not listed has `form_error`.
   std::map<std::string, double> form_errors;
   double form_error = 0.0;
+
+  /// What the arms and logs of the bank were: `joints`, `rate_hz`, `duration_s`, `logs`, from and to. Beyond
+  /// it, probabilities and intervals are extrapolated. Empty: not known.
+  std::map<std::string, std::pair<double, double>> family;
 
   /// What a form error of element `i` is relative to: a joint's own value, or a vector's length. A time, an
   /// angle and a place have no size, only an origin: 1 s, 1 deg, 1 rad or 1 m.
@@ -45,8 +49,18 @@ struct Calibration {
   }
 };
 
-/// The one in use.
+/// The one that is built in.
 const Calibration& calibration();
+/// The one that `options` ask for.
+inline const Calibration& calibration(const DiagnoseOptions& options) {
+  return options.calibration != nullptr ? *options.calibration : calibration();
+}
+/// A calibration file, as calibration_yaml() writes it. Throws Error naming file, line and key.
+Calibration read_calibration(const std::string& path);
+/// The same from a text; `name` stands for the file in what an Error says.
+Calibration parse_calibration(const std::string& text, const std::string& name);
+/// In what these logs lie outside the family that the calibration was fitted to; empty: in nothing.
+std::vector<std::string> outside_family(const Calibration& calibration, const std::vector<Log>& logs);
 
 /// What fits the cases of a bank best: the weights by logistic regression on every effect that was weighed,
 /// named or not, each weight being pulled to 0 as if by a normal prior (the temperature stays); of

@@ -94,6 +94,8 @@ enum class Reading {
   trust,  ///< do not look
 };
 
+struct Calibration;
+
 struct DiagnoseOptions {
   double cutoff = 0.0;                   ///< [Hz] of the band looked at; 0: chosen, at most 10
   std::vector<std::string> withhold;     ///< effects taken out of the library
@@ -101,6 +103,7 @@ struct DiagnoseOptions {
   int most_effects = 6;
   double tolerance = 0.02;  ///< relative error of the nominal parameters that is not a gap, at most
   Criteria criteria;
+  const Calibration* calibration = nullptr;  ///< null: the one that is built in; to outlive the call
   Reading reading = Reading::ask;
   unsigned seed = 1;  ///< of surrogates and intervals
   int surrogates = 199;
