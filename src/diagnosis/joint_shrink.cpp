@@ -5,8 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 #include <vector>
 
+#include "dynid/base/statistics.hpp"
 #include "split.hpp"
 
 namespace dynid::detail {
@@ -35,13 +37,17 @@ struct JointEnergy {
 std::vector<JointEnergy> held_out_blocks(const GapSeries& s, Eigen::Index n) {
   std::vector<JointEnergy> blocks;
   int log = -1;
-  double second = -1.0;
+  double block = -1.0;
+  std::vector<double> steps;
+  for (Eigen::Index i = 1; i < s.t.size(); ++i)
+    if (s.t[i] > s.t[i - 1]) steps.push_back(s.t[i] - s.t[i - 1]);
+  const double length = steps.empty() ? 1.0 : block_rows * median(std::move(steps));
   for (Eigen::Index i = 0; i < s.t.size(); ++i) {
     const auto k = static_cast<std::size_t>(i);
     if (!s.held_out[k]) continue;
-    const double here = std::floor(s.t[i] / block_seconds);
-    if (blocks.empty() || here != second || s.log[k] != log) blocks.emplace_back(n);
-    second = here, log = s.log[k];
+    const double here = std::floor(s.t[i] / length);
+    if (blocks.empty() || here != block || s.log[k] != log) blocks.emplace_back(n);
+    block = here, log = s.log[k];
     blocks.back().rows += 1.0;
     blocks.back().before += s.before.row(i).cwiseAbs2().transpose();
     blocks.back().after += s.after.row(i).cwiseAbs2().transpose();

@@ -2,31 +2,20 @@
 #include "split.hpp"
 
 #include <algorithm>
-#include <utility>
 
-#include "dynid/base/statistics.hpp"
 #include "energy.hpp"
 #include "fit.hpp"
 
 namespace dynid::detail {
 namespace {
 
-constexpr Eigen::Index guard = 4;                       // rows: what the filter spreads
-constexpr double block_rows = 22.0, within_rows = 8.0;  // at least
+constexpr Eigen::Index guard = 4;  // rows: what the filter spreads
 
 /// There is a gap in the rows, beyond what an inexact nominal leaves.
 bool has_gap(const GapRows& everything, const std::vector<bool>& mine, double tolerance,
              const Criteria& criteria) {
   const GapRows rows(everything, mine);
   return left_over(rows, fit_terms(rows, rows.y, {}, tolerance).residual, tolerance, criteria);
-}
-
-/// [s] between the rows, as most are.
-double spacing(const GapRows& rows) {
-  std::vector<double> steps;
-  for (Eigen::Index i = 1; i < rows.size(); ++i)
-    if (rows.t[i] > rows.t[i - 1]) steps.push_back(rows.t[i] - rows.t[i - 1]);
-  return steps.empty() ? 0.0 : median(steps);
 }
 
 /// All but the last log to fit, the last to judge.
@@ -46,9 +35,6 @@ void by_blocks(const GapRows& rows, Split& out) {
 }
 
 }  // namespace
-
-double block_length(const GapRows& rows) { return std::max(block_seconds, block_rows * spacing(rows)); }
-double within_length(const GapRows& rows) { return std::max(within_seconds, within_rows * spacing(rows)); }
 
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard) {
   std::vector<bool> keep(static_cast<std::size_t>(rows.size()));

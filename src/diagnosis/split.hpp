@@ -8,13 +8,13 @@
 
 namespace dynid::detail {
 
-constexpr double block_seconds = 1.0;   ///< of held-out blocks and of the bootstrap
-constexpr double within_seconds = 0.4;  ///< of blocks inside a window
+/// Rows of held-out blocks and of the bootstrap's, and of blocks inside a window: not so few that nearly all
+/// are next to the end of a block, or that a block has no past to whiten by.
+constexpr double block_rows = 25.0, within_rows = 10.0;
 
-/// [s] The same, but never so short that the rows of a log that is sampled slowly are nearly all next to the
-/// end of a block, or that a block has no past to whiten by.
-double block_length(const GapRows& rows);
-double within_length(const GapRows& rows);
+/// [s] The same.
+inline double block_length(const GapRows& rows) { return block_rows * rows.period(); }
+inline double within_length(const GapRows& rows) { return within_rows * rows.period(); }
 
 /// Rows in every other block of `seconds`, with a guard of `guard` rows before and after each change.
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard);
