@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
 
@@ -6,6 +7,17 @@
 
 namespace dynid::detail {
 namespace {
+
+constexpr double least_simpler = 1.0;  // nat: what a simpler form saves of the price, and no rounding
+constexpr double nearly = 1e-3;        // of a column's energy: what the steps of a grid leave
+
+/// What `simple` adds to a joint's torque is what `general` can add to it as well.
+bool contains(const RowBlock& general, const RowBlock& simple) {
+  const Eigen::MatrixXd &g = general.values[0], &s = simple.values[0];
+  Eigen::MatrixXd G = g.transpose() * g;
+  G.diagonal() *= 1.0 + 1e-12;
+  return (s - g * G.ldlt().solve(g.transpose() * s)).squaredNorm() < nearly * s.squaredNorm();
+}
 
 /// The effects of a model that one joint has, and in which form.
 struct Decided {
@@ -90,6 +102,36 @@ std::vector<UnitShape> Search::forms_on(const GapModel& model, const std::vector
         worth);
   }
   return forms;
+}
+
+GapModel Search::simplified(GapModel model) const {
+  if (proposer_ != nullptr) return model;
+  for (std::size_t k = 0; k < model.effects.size(); ++k) {
+    const Adopted general = model.effects[k];
+    const RowBlock& block = *general.units.front().block;
+    if (general.h->shape_only() || block.size() < 2 || !own_channel(*general.h, block)) continue;
+    for (std::size_t l = 0; l < library_.size(); ++l) {
+      const Hypothesis& simple = *library_[l];
+      const bool there = std::any_of(model.effects.begin(), model.effects.end(),
+                                     [&](const Adopted& e) { return e.h->name() == simple.name(); });
+      if (there || simple.scope() != Scope::joint || simple.shape_only() || grids_[l].empty()) continue;
+      if (const RowBlock& first = *grids_[l][0][0].block;
+          first.size() >= block.size() || !own_channel(simple, first))
+        continue;
+      std::vector<Adopted> effects = model.effects;
+      effects.push_back({&simple, {}, 0.0});
+      for (const UnitShape& u : general.units) {
+        const Channel alone = by_.channel_of(model, u.unit, false);
+        effects.back().units.push_back(
+            best_shape(by_, simple, u.unit, grids_[l][static_cast<std::size_t>(u.unit)],
+                       [&](const RowBlock& b) { return by_.own_gain(simple, b, alone, model.kappa); }));
+      }
+      if (!contains(block, *effects.back().units.front().block)) continue;
+      const GapModel both = reassigned(evaluate(std::move(effects), model.kappa));
+      if (both.score > model.score + least_simpler && by_.plausible(both)) model = both;
+    }
+  }
+  return model;
 }
 
 GapModel Search::reassigned(const GapModel& model) const {

@@ -194,7 +194,7 @@ GapModel Search::best(double kappa, int most) const {
     const GapModel fewer = evaluate(without(model.effects, k), kappa);
     if (fewer.score > model.score - 0.5 * by_.criteria.effect_gain) model = fewer;
   }
-  return exchanged(model);
+  return simplified(exchanged(model));
 }
 
 }  // namespace dynid::detail
