@@ -76,7 +76,8 @@ std::vector<GapModel> Search::proposed_elsewhere(const GapModel& base, std::size
 }
 
 std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
-  constexpr std::size_t remembered = 24;
+  constexpr std::size_t remembered = 12;
+  if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits));
   Asked asked;
   asked.second = {base.kappa, double(joint_refits)};
   for (const Adopted& e : base.effects) {
@@ -102,7 +103,6 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
 }
 
 std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_t joint_refits) const {
-  if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits));
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
   const auto propose_all = [&](bool windows, double worth) {
