@@ -2,6 +2,7 @@
 #include "kernels.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "dynid/dynamics/dynamics.hpp"
 
@@ -60,15 +61,25 @@ void rnea(const Robot& robot, std::ptrdiff_t count, const double* q, const doubl
       for (int j = 0; armature != nullptr && j < n; ++j) tau[j] += armature[j] * ddq[j];
       return;
     }
+    // Several packets are turned into lanes ahead of the kernel, which then does not wait for their stores.
+    constexpr std::ptrdiff_t ahead = 8;
     Workspace<N, Packet8> ws(model);
-    Vector<N, Packet8> x(n), v(n), a(n), tau(n);
-    for (std::ptrdiff_t i = 0; i < count; i += lanes) {
-      take<N>(q, i, count, n, x);
-      take<N>(dq, i, count, n, v);
-      take<N>(ddq, i, count, n, a);
-      inverse_dynamics(model, ws, x, v, a, tau);
-      for (int j = 0; armature != nullptr && j < n; ++j) tau[j] += armature[j] * a[j];
-      give<N>(tau, i, count, n, out);
+    std::array<Vector<N, Packet8>, ahead> x, v, a, tau;
+    for (auto* group : {&x, &v, &a, &tau})
+      for (Vector<N, Packet8>& packet : *group) packet.resize(n);
+    for (std::ptrdiff_t first = 0; first < count; first += ahead * lanes) {
+      const auto packets = static_cast<std::size_t>(std::min(ahead, (count - first + lanes - 1) / lanes));
+      const auto at = [first](std::size_t p) { return first + static_cast<std::ptrdiff_t>(p) * lanes; };
+      for (std::size_t p = 0; p < packets; ++p) {
+        take<N>(q, at(p), count, n, x[p]);
+        take<N>(dq, at(p), count, n, v[p]);
+        take<N>(ddq, at(p), count, n, a[p]);
+      }
+      for (std::size_t p = 0; p < packets; ++p) {
+        inverse_dynamics(model, ws, x[p], v[p], a[p], tau[p]);
+        for (int j = 0; armature != nullptr && j < n; ++j) tau[p][j] += armature[j] * a[p][j];
+      }
+      for (std::size_t p = 0; p < packets; ++p) give<N>(tau[p], at(p), count, n, out);
     }
   });
 }

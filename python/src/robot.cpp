@@ -56,20 +56,41 @@ void check_alike(const PyRobot& robot, const Rows& x, const Rows& q, const char*
   if (!alike) throw Error(std::string(name) + ": another shape than q");
 }
 
-/// Makes the array of a kernel: `per_sample` is the shape of one state's result.
+/// The caller's array for a result: taken as it lies, never converted.
+double* place_of(nb::handle out, const std::vector<std::size_t>& shape) {
+  nb::ndarray<double, nb::c_contig, nb::device::cpu> place;
+  bool fits = nb::try_cast(out, place, false) && place.ndim() == shape.size();
+  for (std::size_t k = 0; fits && k < shape.size(); ++k) fits = place.shape(k) == shape[k];
+  if (fits) return place.data();
+  std::string wanted;
+  for (const std::size_t k : shape) wanted += (wanted.empty() ? "" : ", ") + std::to_string(k);
+  throw Error("out: a writable float64 array that lies row by row is expected, of shape (" + wanted +
+              (shape.size() == 1 ? ",)" : ")"));
+}
+
+/// Makes the array of a kernel, or fills `into` where that is not None: `per_sample` is the shape of one
+/// state's result.
 template <class Use>
-nb::object evaluate(const PyRobot& robot, const Rows& q, std::vector<std::size_t> per_sample, Use use) {
+nb::object evaluate(const PyRobot& robot, const Rows& q, std::vector<std::size_t> per_sample, nb::handle into,
+                    Use use) {
   bool batch = false;
   const std::size_t count = count_of(robot, q, "q", batch);
-  std::size_t size = count;
+  if (batch) per_sample.insert(per_sample.begin(), count);
+  std::size_t size = 1;
   for (const std::size_t k : per_sample) size *= k;
-  auto out = std::make_unique<double[]>(size);
+  std::unique_ptr<double[]> made;
+  if (into.is_none()) made.reset(new double[size]);  // every entry is written
+  double* const out = into.is_none() ? made.get() : place_of(into, per_sample);
   {
     const nb::gil_scoped_release release;
-    if (count > 0) use(static_cast<std::ptrdiff_t>(count), out.get());
+    if (count > 0) use(static_cast<std::ptrdiff_t>(count), out);
   }
-  if (batch) per_sample.insert(per_sample.begin(), count);
-  return give_array(std::move(out), per_sample);
+  return into.is_none() ? give_array(std::move(made), per_sample) : nb::borrow(into);
+}
+
+template <class Use>
+nb::object evaluate(const PyRobot& robot, const Rows& q, std::vector<std::size_t> per_sample, Use use) {
+  return evaluate(robot, q, std::move(per_sample), nb::none(), use);
 }
 
 const double* armature_of(const PyRobot& robot, bool rotor_inertia) {
@@ -81,22 +102,24 @@ void bind_kernels(nb::class_<PyRobot>& robot) {
   robot
       .def(
           "rnea",
-          [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& ddq, bool rotor_inertia) {
+          [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& ddq, bool rotor_inertia,
+             nb::handle out) {
             check_alike(r, dq, q, "dq");
             check_alike(r, ddq, q, "ddq");
             const auto n = static_cast<std::size_t>(r.model.robot.size());
-            return evaluate(r, q, {n}, [&](std::ptrdiff_t count, double* out) {
+            return evaluate(r, q, {n}, out, [&](std::ptrdiff_t count, double* tau) {
               kernels().rnea(r.model.robot, count, q.data(), dq.data(), ddq.data(),
-                             armature_of(r, rotor_inertia), out);
+                             armature_of(r, rotor_inertia), tau);
             });
           },
-          "q"_a, "dq"_a, "ddq"_a, nb::kw_only(), "rotor_inertia"_a = true,
+          "q"_a, "dq"_a, "ddq"_a, nb::kw_only(), "rotor_inertia"_a = true, "out"_a = nb::none(),
           "Inverse dynamics [N m or N]: M(q) ddq + S(q, dq) dq + g(q), without friction.\n\n"
           "q [rad or m], dq [rad/s or m/s], ddq [rad/s^2 or m/s^2]: shape (n,), or (samples, n); joints base "
           "to tip.\n"
           "Returns the same shape. Rotor inertias are part of M unless rotor_inertia=False. float64 arrays "
           "that lie\n"
-          "row by row are not copied; the GIL is released.")
+          "row by row are not copied; the GIL is released. `out`: such an array of that shape, filled and "
+          "returned.")
       .def(
           "regressor",
           [](const PyRobot& r, const Rows& q, const Rows& dq, const Rows& ddq) {
