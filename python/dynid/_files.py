@@ -447,18 +447,24 @@ def _mcap_alike(path, file, summary, topic, joint_names):
         return None
     pieces, length = [], None
     for index in sorted(summary.chunk_indexes, key=lambda i: i.message_start_time):
-        if index.message_index_offsets and numbers[0] not in index.message_index_offsets:
+        if not index.message_index_offsets:
+            return None
+        if numbers[0] not in index.message_index_offsets:
+            continue
+        offsets = _offsets(file, index.message_index_offsets[numbers[0]])
+        if offsets is None:
+            return None
+        if not len(offsets):
             continue
         file.seek(index.chunk_start_offset + 1 + 8)
         chunk = Chunk.read(ReadDataStream(file))
         stream, size = get_chunk_data_stream(chunk, validate_crc=False)
         raw = stream.read(size)
-        records = _records(raw, numbers[0], length)
+        records = _records(raw, offsets, numbers[0], length)
         if records is None:
             return None
-        if len(records):
-            length = records.shape[1]
-            pieces.append(records)
+        length = records.shape[1]
+        pieces.append(records)
     if not pieces:
         return None
     table = np.concatenate(pieces)
@@ -470,28 +476,36 @@ def _mcap_alike(path, file, summary, topic, joint_names):
     return _states_of_bytes(path, joint_names, received, table[:, 22:], get_typestore(Stores.ROS2_HUMBLE))
 
 
-def _records(raw, channel, length):
-    """Contents of the message records (opcode 5) of `channel`, (messages, bytes), where all have one length."""
+def _records(raw, offsets, channel, length):
+    """Contents of the message records (opcode 5) of `channel` at these offsets, (messages, bytes), where all have one
+    length."""
     import numpy as np
 
     data = np.frombuffer(raw, dtype=np.uint8)
-    at, rows = 0, []
-    while at + 9 <= len(data):
-        size = int.from_bytes(raw[at + 1 : at + 9], "little")
-        if raw[at] != 5 or int.from_bytes(raw[at + 9 : at + 11], "little") != channel:
-            at += 9 + size
-            continue
-        if length is not None and size != length:
-            return None
-        length = size
-        # As many as follow each other with the same head.
-        count = (len(data) - at) // (9 + size)
-        block = data[at : at + count * (9 + size)].reshape(count, 9 + size)
-        same = np.all(block[:, :11] == block[0, :11], axis=1)
-        run = count if same.all() else int(np.argmin(same))
-        rows.append(block[:run, 9:])
-        at += run * (9 + size)
-    return np.concatenate(rows) if rows else np.empty((0, length or 0), dtype=np.uint8)
+    first = int(offsets[0])
+    size = int.from_bytes(raw[first + 1 : first + 9], "little")
+    if (length is not None and size != length) or int(offsets.max()) + 9 + size > len(data):
+        return None
+    if np.all(np.diff(offsets) == 9 + size):
+        records = data[first : first + len(offsets) * (9 + size)].reshape(-1, 9 + size)
+    else:  # other messages lie between
+        records = np.lib.stride_tricks.sliding_window_view(data, 9 + size)[offsets]
+    head = b"\x05" + size.to_bytes(8, "little") + channel.to_bytes(2, "little")
+    if np.any(records[:, :11] != np.frombuffer(head, dtype=np.uint8)):
+        return None
+    return records[:, 9:]
+
+
+def _offsets(file, at):
+    """Where a channel's messages lie in their chunk, by the MessageIndex record at this place of the file."""
+    import numpy as np
+
+    file.seek(at)
+    head = file.read(15)  # opcode (1), length (8), channel (2), bytes of the array (4)
+    if len(head) != 15 or head[0] != 7:
+        return None
+    pairs = np.frombuffer(file.read(int.from_bytes(head[11:], "little")), dtype="<u8").reshape(-1, 2)
+    return np.sort(pairs[:, 1].astype(np.int64))
 
 
 def _namespace(value, make):

@@ -58,14 +58,14 @@ def diagnose(model, *logs, reference=None, withhold=(), assume="", cutoff=0.0, t
     reference: a log of the healthy robot. withhold: "friction", "payload" or names of effects. assume: "",
     "auto" or what a diagnosis `misread` proposes. cutoff [Hz]: of the band looked at, 0: chosen. tolerance:
     relative error of the parameters that is no gap. gravity [m/s^2], base frame. effects: of one's own, see
-    `Effect`; the patch is without them, for no model file can say them. replay: replay the motion and propose
-    the next experiment; not done where there are effects of one's own. Returns a `Diagnosis`.
+    `Effect`; the patch is without them, for no model file can say them, and so is the replayed motion. replay:
+    replay the motion and propose the next experiment. Returns a `Diagnosis`.
     """
     model = _robot(model, base, tip, gravity)
     found = _core.diagnose(
         model, _logs(_spread(*logs), model), None if reference is None else _logs(reference, model)[0],
         [withhold] if isinstance(withhold, str) else list(withhold), assume, cutoff, tolerance, seed,
-        replay and not effects, list(effects), progress,
+        replay, list(effects), progress,
     )
     data = _json.loads(found["json"])
     return _r.Diagnosis(

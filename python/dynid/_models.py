@@ -77,7 +77,7 @@ def write_mjcf(changed, original, path=None):
     """The MJCF `original` (path, or mujoco.MjSpec) with inertias, friction, armature, gravity and servos of
     `changed` (a Robot read from it, such as a diagnosis's patch); all else stays as it is.
 
-    Returns the changed mujoco.MjSpec; with `path`, its XML is written too. The spec is compiled and read back
+    Returns the changed mujoco.MjSpec; with `path`, its XML is written too, by MuJoCo, to its six digits. The spec is compiled and read back
     as a check: its mass matrix and torques are those of `changed`, else Error.
     """
     import mujoco
@@ -103,8 +103,12 @@ def write_mjcf(changed, original, path=None):
             body.explicitinertial = True
             body.mass = mass
             body.ipos = com + np.asarray(joint.pos)
-            body.iquat = [1, 0, 0, 0]
-            body.fullinertia = [inertia[k] for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+            # By its principal axes: MuJoCo finds those of a fullinertia to eight digits only.
+            moments, axes = np.linalg.eigh(inertia)
+            axes[:, 0] *= np.sign(np.linalg.det(axes))
+            mujoco.mju_mat2Quat(quaternion := np.empty(4), axes.flatten())
+            body.fullinertia = [np.nan, 0, 0, 0, 0, 0]  # not given
+            body.inertia, body.iquat = moments, quaternion
         actuator = servos.get(name)
         if actuator is not None and changed.kp[j] > 0:
             gear = actuator.gear[0]
@@ -171,5 +175,5 @@ def _check_same(made, wanted):
     random = np.random.default_rng(1)
     q, dq, ddq = (random.uniform(-1, 1, (20, wanted.n)) for _ in range(3))
     a, b = made.rnea(q, dq, ddq), wanted.rnea(q, dq, ddq)
-    if np.abs(a - b).max() > 1e-7 * max(1e-12, np.abs(b).max()):
+    if np.abs(a - b).max() > 1e-9 * max(1e-12, np.abs(b).max()):
         raise _core.Error(f"{wanted.name}: MuJoCo's reading of what was written has other torques")

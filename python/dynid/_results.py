@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the jobs return. `json` is what the program writes with --json, byte for byte."""
 
-import html as _html
 import json as _json
 from dataclasses import dataclass, field
 from typing import Any, Callable, Optional
@@ -24,7 +23,9 @@ class _Result:
         return self.text.rstrip("\n")
 
     def _repr_html_(self):
-        return f"<pre>{_html.escape(str(self))}</pre>"
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
 
     def write_json(self, path):
         """Writes what the program writes with --json PATH."""
