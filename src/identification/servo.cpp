@@ -416,7 +416,8 @@ void report(ServoFit& fit, const JointSearch& search, double confidence) {
   for (Eigen::Index i = 0; i < H.rows(); ++i)
     for (Eigen::Index k = 0; k < i; ++k) {
       const double r = inverse(i, k) / std::sqrt(inverse(i, i) * inverse(k, k));
-      if (std::abs(r) > alias_correlation)  // false for a parameter that is not seen, where it is no number
+      // Of a parameter that is not seen it is no number, infinite, or beyond 1 by what rounding leaves of it.
+      if (std::abs(r) > alias_correlation && std::abs(r) < 1.0 + 1e-9)
         fit.aliases.push_back({name_of(seen[static_cast<std::size_t>(k)], fit.si),
                                name_of(seen[static_cast<std::size_t>(i)], fit.si), r});
     }

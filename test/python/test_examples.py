@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -23,3 +24,5 @@ def test_it_runs(path, tmp_path):
                           env={**os.environ, "DYNID_EXAMPLE_ROOT": str(ROOT)})
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.strip()
+    for correlation in re.findall(r"correlation ([^)]*)", done.stdout):
+        assert abs(float(correlation)) <= 1
