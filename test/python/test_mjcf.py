@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo's own mass matrix, bias and tip against the library's, on arms that say things in MuJoCo's many ways."""
 
+import importlib.util
+import os
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -89,29 +92,41 @@ def test_a_text_is_read_as_its_compiled_model(name, text, tip):
 
 
 def packaged_models():
-    """MJCF that PyPI's packages ship (robosuite's arms, where it is installed; MuJoCo's own tests)."""
-    found = []
+    """MJCF that installed packages of PyPI ship, and what is in the folder DYNID_MJCF, such as unpacked wheels."""
+    folders = [os.environ["DYNID_MJCF"]] if "DYNID_MJCF" in os.environ else []
     for package in ("robosuite", "gymnasium_robotics", "dm_control", "mujoco"):
-        try:
-            folder = pathlib.Path(__import__(package).__file__).parent
-        except Exception:
-            continue
-        found += [p for p in sorted(folder.rglob("*.xml"))]
-    return found
+        spec = importlib.util.find_spec(package)
+        folders += list(spec.submodule_search_locations or ()) if spec else []
+    return [path for folder in folders for path in sorted(pathlib.Path(folder).rglob("*.xml"))]
+
+
+def arm_of(model):
+    """The serial arm of a compiled model, up to where it branches; None where there is none."""
+    try:
+        return dynid.robot(model)
+    except dynid.Error as error:
+        branch = re.search(r"branch at body '([^']+)'", str(error))
+    try:
+        return dynid.robot(model, tip=branch[1]) if branch else None
+    except dynid.Error:
+        return None
 
 
 def test_what_packages_ship():
-    compared = 0
+    compared = []
     for path in packaged_models():
         try:
             model = mujoco.MjModel.from_xml_path(str(path))
-            robot = dynid.robot(model)
-        except Exception:
-            continue  # not a model by itself, or not a serial arm
+        except ValueError:
+            continue  # not a model by itself
+        robot = arm_of(model)
+        if robot is None:
+            continue
         compare(model, robot, "", 3)
-        compared += 1
-    if compared == 0:
+        compared.append(f"{path.parent.name}/{path.name}: {robot.n} joints")
+    if not compared:
         pytest.skip("no installed package ships an arm in MJCF")
+    print("\n".join(compared))
 
 
 def test_friction_armature_limits_and_servos():
@@ -194,6 +209,18 @@ def test_the_exported_panda_comes_back(panda):
     assert np.allclose(again.rotor_inertia, panda.rotor_inertia)
 
 
+def test_a_patch_of_a_full_inertia_goes_in_to_the_last_digits():
+    robot = dynid.robot(FULL_INERTIA)
+    changed = robot.parameters.copy()
+    changed[:10] *= 1.3
+    changed[30:40] *= 0.8
+    patched = robot.replace(parameters=changed)
+    again = dynid.robot(dynid.write_mjcf(patched, mujoco.MjSpec.from_string(FULL_INERTIA)))
+    q, dq, ddq = np.random.default_rng(6).uniform(-1, 1, (3, 10, 4))
+    wanted = patched.rnea(q, dq, ddq)
+    assert np.abs(again.rnea(q, dq, ddq) - wanted).max() <= 1e-10 * np.abs(wanted).max()
+
+
 def test_a_patch_goes_into_the_mjcf(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(GRIPPER)
@@ -202,9 +229,12 @@ def test_a_patch_goes_into_the_mjcf(tmp_path):
     changed[10:20] *= 1.25
     patched = robot.replace(parameters=changed)
     out = tmp_path / "patched.xml"
-    dynid.write_mjcf(patched, path, out)
-    again = dynid.robot(out, tip="palm")
+    spec = dynid.write_mjcf(patched, path, out)
     q, dq, ddq = np.random.default_rng(4).uniform(-1, 1, (3, 10, 2))
+    inside = dynid.robot(spec, tip="palm")
+    wanted = patched.rnea(q, dq, ddq)
+    assert np.abs(inside.rnea(q, dq, ddq) - wanted).max() <= 1e-10 * np.abs(wanted).max()
+    again = dynid.robot(out, tip="palm")  # six digits, as MuJoCo writes
     assert np.allclose(again.rnea(q, dq, ddq), patched.rnea(q, dq, ddq), rtol=1e-6, atol=1e-9)
     assert not np.allclose(again.rnea(q, dq, ddq), robot.rnea(q, dq, ddq), rtol=1e-3)
 

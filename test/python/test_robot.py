@@ -58,6 +58,20 @@ def test_arrays_of_any_layout_and_type(panda):
     assert panda.rnea(q[:0], dq[:0], ddq[:0]).shape == (0, 7)
 
 
+@pytest.mark.parametrize("count", [1, 63, 64, 65, 200])
+def test_a_given_array_is_filled(panda, count):
+    q, dq, ddq = states(7, count)
+    out = np.full((count + 1, 7), np.nan)
+    assert panda.rnea(q, dq, ddq, out=out[:count]).ctypes.data == out.ctypes.data
+    assert np.array_equal(out[:count], panda.rnea(q, dq, ddq)) and np.isnan(out[count:]).all()
+    for wrong in (out, np.empty((7, count)) if count > 1 else out, np.empty((count, 7), dtype=np.float32), "no array"):
+        with pytest.raises(dynid.Error, match=rf"out: a writable float64 array .* of shape \({count}, 7\)"):
+            panda.rnea(q, dq, ddq, out=wrong)
+    out.setflags(write=False)
+    with pytest.raises(dynid.Error, match="out: a writable"):
+        panda.rnea(q, dq, ddq, out=out[:count])
+
+
 def test_wrong_shapes_are_named(panda):
     q, dq, ddq = states(7, 3)
     with pytest.raises(dynid.Error, match="q: shape"):
