@@ -15,7 +15,7 @@ struct Table {
   std::vector<long> lines;         ///< line of the file that each row stands on, from 1
   /// Of a lenient reading: for each column what read_table() would have said of its first text that is no
   /// number
-  /// (`file:line: column x: 'abc' is not a number`); empty where there is none.
+  /// (file, line and column, and that `abc` is not a number); empty where there is none.
   std::vector<std::string> not_numbers;
 
   /// Column index of `name`, or -1.
@@ -23,7 +23,7 @@ struct Table {
   /// The columns `prefix1 .. prefixn`, side by side (rows x n); 0 x 0 when none of them is there.
   /// Throws Error naming the first one missing when some are there or `required` is set.
   Eigen::MatrixXd group(const std::string& prefix, int n, bool required) const;
-  /// The largest k such that a column `prefix`k exists; 0 when there is none.
+  /// The largest k such that a column `prefix`, k exists; 0 when there is none.
   int count(const std::string& prefix) const noexcept;
 };
 
