@@ -20,7 +20,7 @@ struct Table {
 
   /// Column index of `name`, or -1.
   int find(const std::string& name) const noexcept;
-  /// The columns `prefix1 .. prefixn`, side by side (rows x n); 0 x 0 when none of them is there.
+  /// The columns `prefix1` to `prefixn`, side by side (rows x n); 0 x 0 when none of them is there.
   /// Throws Error naming the first one missing when some are there or `required` is set.
   Eigen::MatrixXd group(const std::string& prefix, int n, bool required) const;
   /// The largest k such that a column `prefix`, k exists; 0 when there is none.
@@ -47,7 +47,7 @@ Table read_table(const std::string& path, const TableOptions& options = {});
 void write_table(const std::string& path, const std::vector<std::string>& names,
                  const Eigen::MatrixXd& values);
 
-/// `prefix1 .. prefixn`, the column names of a quantity over joints.
+/// `prefix1` to `prefixn`, the column names of a quantity over joints.
 std::vector<std::string> column_names(const std::string& prefix, int n);
 
 }  // namespace dynid
