@@ -37,6 +37,7 @@ DiagnoseReport diagnosis(Verdict verdict, double gap, std::vector<FoundEffect> e
   d.floor = Eigen::VectorXd::Constant(4, 0.04);
   d.upper = d.tolerance = d.rms;
   d.unit.assign(4, "N m");
+  d.logs.resize(1);
   d.effects = std::move(effects);
   d.shrink = {d.rms, d.floor, d.floor, 0.96, 0.93, 0.98, true};
   return report;
@@ -122,6 +123,7 @@ TEST(Compare, EffectsOfOneNameAreMatchedByJoints) {
 TEST(Compare, AMisreadLogStandsBesideTheOthers) {
   DiagnoseReport misread;
   misread.diagnosis.verdict = Verdict::misread;
+  misread.diagnosis.logs.resize(1);
   const CompareReport report =
       run(CompareJob{{entry("a", misread), entry("b", diagnosis(Verdict::no_gap, 0.05))}});
   EXPECT_EQ(kinds(report), std::vector<Change::Kind>{Change::Kind::verdict});
