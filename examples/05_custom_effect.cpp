@@ -2,6 +2,7 @@
 //
 // An effect that the library does not know, sought beside the 22 that it does: oil that a joint churns,
 // c |dq| dq. Usage: 05_custom_effect MODEL.
+#include <cmath>
 #include <cstdio>
 #include <dynid/diagnosis/diagnose.hpp>
 #include <dynid/diagnosis/hypothesis.hpp>
@@ -19,11 +20,10 @@ class ChurnedOil : public dynid::Hypothesis {
     const Eigen::ArrayXd speed = motion.speed.col(joint).array();
     return {{joint}, {(speed * speed.abs()).matrix()}};
   }
-  std::vector<dynid::NamedValue> parameters(const dynid::Robot& robot, int joint, const Eigen::VectorXd& c,
+  /// Of this joint: one number.
+  std::vector<dynid::NamedValue> parameters(const dynid::Robot&, int, const Eigen::VectorXd& c,
                                             const Eigen::VectorXd&) const override {
-    Eigen::VectorXd value = Eigen::VectorXd::Zero(robot.size());
-    value[joint] = c[0];
-    return {{"coefficient", "N m s^2/rad^2", value}};
+    return {{"coefficient", "N m s^2/rad^2", c.head(1)}};
   }
   void restore(const dynid::Robot&, const dynid::Effect& effect, int joint, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
@@ -59,7 +59,9 @@ int main(int argc, char** argv) try {
     for (const int joint : found.effect.joints)
       std::printf("%s on joint %d: probability %.2f, %.3f %s\n", found.effect.name.c_str(), joint,
                   found.probability, found.parameters[0].value[joint - 1], found.parameters[0].unit.c_str());
-  return d.effects.size() == 1 && d.effects[0].effect.name == oil.name() ? 0 : 1;
+  const bool right = d.effects.size() == 1 && d.effects[0].effect.name == oil.name() &&
+                     std::abs(d.effects[0].parameters[0].value[1] - 1.5) < 0.1;
+  return right ? 0 : 1;
 } catch (const dynid::Error& error) {
   std::fprintf(stderr, "%s\n", error.what());
   return 2;
