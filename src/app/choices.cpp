@@ -42,6 +42,12 @@ const Choices<BlindKind>& blind_kinds() {
   return choices;
 }
 
+const Choices<DhConvention>& dh_conventions() {
+  static const Choices<DhConvention> choices = {{"modified", DhConvention::modified},
+                                                {"standard", DhConvention::standard}};
+  return choices;
+}
+
 const Choices<ExportFormat>& export_formats() {
   static const Choices<ExportFormat> choices = {
       {"urdf", ExportFormat::urdf}, {"mjcf", ExportFormat::mjcf},     {"sdf", ExportFormat::sdf},

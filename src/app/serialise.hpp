@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "dynid/app/blind.hpp"
+#include "dynid/app/bounds.hpp"
+#include "dynid/app/compare.hpp"
 #include "dynid/app/demo.hpp"
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/excite.hpp"
@@ -16,6 +18,7 @@
 #include "dynid/app/friction.hpp"
 #include "dynid/app/identify.hpp"
 #include "dynid/app/info.hpp"
+#include "dynid/app/init.hpp"
 #include "dynid/app/retrieve.hpp"
 #include "dynid/app/reverse.hpp"
 #include "dynid/app/servo.hpp"
@@ -27,15 +30,18 @@
 
 namespace dynid {
 
+nlohmann::json to_json(const InitReport& report);
 nlohmann::json to_json(const InfoReport& report);
 nlohmann::json to_json(const IdentifyReport& report);
 nlohmann::json to_json(const FrictionReport& report);
 nlohmann::json to_json(const ReverseReport& report);
 nlohmann::json to_json(const TorqueReport& report);
 nlohmann::json to_json(const RetrieveReport& report);
+nlohmann::json to_json(const BoundsReport& report);
 nlohmann::json to_json(const ExciteReport& report);
 nlohmann::json to_json(const SimulateReport& report);
 nlohmann::json to_json(const DiagnoseReport& report);
+nlohmann::json to_json(const CompareReport& report);
 nlohmann::json to_json(const BlindReport& report);
 nlohmann::json to_json(const ExportReport& report);
 nlohmann::json to_json(const DemoReport& report);

@@ -7,6 +7,7 @@
 #include "../model/urdf_chain.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "dynid/retrieval/collision_box.hpp"
 #include "dynid/retrieval/shape.hpp"
 #include "hull.hpp"
 
@@ -93,7 +94,39 @@ class Collision {
     }
   }
 
+  std::optional<Eigen::AlignedBox3d> box() {
+    Eigen::AlignedBox3d box;
+    for (const detail::UrdfBody& body : mover_->bodies) {
+      link_ = body.link->name;
+      for (const auto& collision : body.link->collision_array) {
+        if (!collision || !collision->geometry) fail("a collision without geometry");
+        extend(box, *collision->geometry, body.pose * detail::to_eigen(collision->origin));
+      }
+    }
+    if (box.isEmpty()) return std::nullopt;
+    return box;
+  }
+
  private:
+  /// Round geometry reaches farther than the points that stand for it.
+  void extend(Eigen::AlignedBox3d& box, const urdf::Geometry& geometry, const Eigen::Isometry3d& pose) {
+    points_.clear();
+    add_points(geometry, pose);
+    for (const Eigen::Vector3d& point : points_) box.extend(point);
+    const Eigen::Vector3d centre = pose.translation();
+    Eigen::Vector3d reach = Eigen::Vector3d::Zero();
+    if (const auto* sphere = dynamic_cast<const urdf::Sphere*>(&geometry)) {
+      reach.setConstant(sphere->radius);
+    } else if (const auto* cylinder = dynamic_cast<const urdf::Cylinder*>(&geometry)) {
+      const Eigen::Array3d axis = pose.linear().col(2).array().abs();
+      reach = 0.5 * cylinder->length * axis + cylinder->radius * (1.0 - axis.square()).max(0.0).sqrt();
+    } else {
+      return;
+    }
+    box.extend(centre - reach);
+    box.extend(centre + reach);
+  }
+
   [[noreturn]] void fail(const std::string& what) const {
     const detail::XmlElement* found = detail::find_named(chain_.elements, "link", link_);
     throw Error(urdf_ + (found != nullptr ? ":" + std::to_string(found->line) : "") + ": link '" + link_ +
@@ -146,6 +179,11 @@ class Collision {
 
 Shape Shape::collision(const std::string& urdf, int link, const std::string& base, const std::string& tip) {
   return Collision(urdf, link, base, tip).shape();
+}
+
+std::optional<Eigen::AlignedBox3d> collision_box(const std::string& urdf, int link, const std::string& base,
+                                                 const std::string& tip) {
+  return Collision(urdf, link, base, tip).box();
 }
 
 }  // namespace dynid

@@ -795,7 +795,7 @@ TEST(Diagnose, BadInputIsNamed) {
 }
 
 // A small bank, end to end: the labels are opened last, and the figures add up. Longer ones are run with
-// `dynid blind`; their results stand in the README.
+// `dynid blind`; their results stand in docs/results.md.
 TEST(Blind, ASmallBankAddsUp) {
   BlindOptions options;
   options.cases = 6;

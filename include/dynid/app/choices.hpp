@@ -5,6 +5,7 @@
 #include <string>
 
 #include "dynid/app/export.hpp"
+#include "dynid/app/init.hpp"
 #include "dynid/diagnosis/blind.hpp"
 #include "dynid/identification/excite.hpp"
 #include "dynid/identification/identify.hpp"
@@ -22,6 +23,7 @@ const Choices<MotionSource>& motion_sources();              ///< auto, velocity,
 const Choices<MotionKind>& motion_kinds();                  ///< fourier, ramped
 const Choices<ExcitationCriterion>& excitation_criteria();  ///< condition, determinant
 const Choices<BlindKind>& blind_kinds();                    ///< clean, nominal, weak, mixed
+const Choices<DhConvention>& dh_conventions();              ///< modified, standard
 const Choices<ExportFormat>& export_formats();              ///< urdf, mjcf, sdf, yaml, header, franka
 
 /// The word for a value; empty where there is none.

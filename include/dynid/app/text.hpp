@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dynid/app/blind.hpp"
+#include "dynid/app/compare.hpp"
 #include "dynid/app/demo.hpp"
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/excite.hpp"
@@ -34,6 +35,7 @@ void print(std::ostream& out, const SimulateReport& report, const std::string& w
 void print(std::ostream& out, const TorqueReport& report, const std::string& written_to);
 void print(std::ostream& out, const ExciteReport& report, const std::string& written_to);
 void print(std::ostream& out, const DiagnoseReport& report);
+void print(std::ostream& out, const CompareReport& report);
 void print(std::ostream& out, const BlindReport& report);
 void print(std::ostream& out, const DemoReport& report);
 void print(std::ostream& out, const IdentifyServosReport& report);

@@ -38,7 +38,7 @@ std::string xml_escaped(const std::string& text);
 /// in a page.
 std::string html_escaped(const std::string& text);
 
-/// JSON text fit for a <script> element of HTML: no `</script>` or `<!--` can come of it, and it is the same
+/// JSON text fit for a `script` element of HTML: no `</script>` or `<!--` can come of it, and it is the same
 /// JSON.
 std::string script_escaped(const std::string& json);
 

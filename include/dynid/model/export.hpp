@@ -33,7 +33,7 @@ ExportText to_mjcf(const Robot& robot);
 /// bodies that cannot exist as to_mjcf() does.
 ExportText to_sdf(const Robot& robot);
 
-/// The inertials of the moving links as franka_description keeps them (robots/<arm>/inertials.yaml): `link1`
+/// The inertials of the moving links as franka_description keeps them (`robots/ARM/inertials.yaml`): `link1`
 /// to `linkn`, each with origin (centre of mass [m] in the link frame, no rotation), mass [kg] and inertia
 /// about the centre of mass [kg m^2], in the axes of the link frame. Throws Error where validate() does.
 ExportText to_franka_inertials(const Robot& robot);

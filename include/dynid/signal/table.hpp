@@ -15,15 +15,15 @@ struct Table {
   std::vector<long> lines;         ///< line of the file that each row stands on, from 1
   /// Of a lenient reading: for each column what read_table() would have said of its first text that is no
   /// number
-  /// (`file:line: column x: 'abc' is not a number`); empty where there is none.
+  /// (file, line and column, and that `abc` is not a number); empty where there is none.
   std::vector<std::string> not_numbers;
 
   /// Column index of `name`, or -1.
   int find(const std::string& name) const noexcept;
-  /// The columns `prefix1 .. prefixn`, side by side (rows x n); 0 x 0 when none of them is there.
+  /// The columns `prefix1` to `prefixn`, side by side (rows x n); 0 x 0 when none of them is there.
   /// Throws Error naming the first one missing when some are there or `required` is set.
   Eigen::MatrixXd group(const std::string& prefix, int n, bool required) const;
-  /// The largest k such that a column `prefix`k exists; 0 when there is none.
+  /// The largest k such that a column `prefix`, k exists; 0 when there is none.
   int count(const std::string& prefix) const noexcept;
 };
 
@@ -47,7 +47,7 @@ Table read_table(const std::string& path, const TableOptions& options = {});
 void write_table(const std::string& path, const std::vector<std::string>& names,
                  const Eigen::MatrixXd& values);
 
-/// `prefix1 .. prefixn`, the column names of a quantity over joints.
+/// `prefix1` to `prefixn`, the column names of a quantity over joints.
 std::vector<std::string> column_names(const std::string& prefix, int n);
 
 }  // namespace dynid
