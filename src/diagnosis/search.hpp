@@ -58,8 +58,9 @@ class Search {
   /// Which joint has which of the model's own effects, each joint decided by itself: an effect that came
   /// first may have taken joints of one that came later.
   GapModel reassigned(const GapModel& model) const;
-  /// The model with a simpler effect beside one that contains it, on the joints that ask for no more: what all
-  /// joints have (Coulomb friction) is not to take the name of what some have (asymmetric Coulomb friction).
+  /// The model with a simpler effect beside one that contains it, on the joints that ask for no more: what
+  /// all joints have (Coulomb friction) is not to take the name of what some have (asymmetric Coulomb
+  /// friction).
   GapModel simplified(GapModel model) const;
   /// Of the model's own effects `own`, the form that each has on a joint, or would have there by itself; none
   /// where the joint has none of them.

@@ -12,8 +12,8 @@ namespace dynid {
 
 /// Something about the data that a person should know, found before anything is fitted.
 struct DataIssue {
-  std::string name;  ///< repeated_rows, jitter, gaps, short_segments, velocity_lag, velocity_gain,
-                     ///< quantisation, saturation, constant_channel
+  std::string name;         ///< repeated_rows, jitter, gaps, short_segments, velocity_lag, velocity_gain,
+                            ///< quantisation, saturation, constant_channel
   std::vector<int> joints;  ///< from 1; empty when it concerns the whole log
   double value = 0.0;
   std::string unit;
