@@ -53,7 +53,7 @@ class Judge {
       std::size_t least = 0;
       double lowest = 1.0;
       for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
-        const double here = out.shares[k] < criteria_.least_share || below_form(choice_, out.model, k)
+        const double here = is_nothing(out, k) || below_form(choice_, out.model, k)
                                 ? 0.0
                                 : needed(choice_, out.model, k, calibration(options_));
         if (here < lowest) lowest = here, least = k;
@@ -62,6 +62,15 @@ class Judge {
       out.model = choice_.search.evaluate(without(out.model.effects, least), out.model.kappa);
       measure(out);
     }
+  }
+
+  /// The effect takes next to nothing of the gap, of all joints' and of each joint's own: a small effect on
+  /// one joint is an answer there, however large the gap is on others.
+  bool is_nothing(const Judged& out, std::size_t k) const {
+    if (out.shares[k] >= criteria_.least_share) return false;
+    const Eigen::ArrayXd own = rms(own_contribution(out.model, k)).array(),
+                         gap = rms(choice_.rows.y).array().max(criteria_.left_over * noise_.array());
+    return (own / gap).square().maxCoeff() < criteria_.least_share;
   }
 
   /// Weighs what is left, all of it together, and names of it what is more likely there than not, itself or

@@ -17,7 +17,9 @@ std::vector<double> shapley_shares(const Search& search, const GapModel& model,
     std::vector<Adopted> effects;
     for (std::size_t k = 0; k < count; ++k)
       if ((subset >> k & 1U) != 0) effects.push_back(model.effects[k]);
-    explained[subset] = before - energy(search.evaluate(std::move(effects), model.kappa).fit.left, floor);
+    // Alone, an effect may be fitted to what another makes, by weights that are not the energy's.
+    explained[subset] =
+        std::max(0.0, before - energy(search.evaluate(std::move(effects), model.kappa).fit.left, floor));
   }
   const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };
   double sum = 0.0;

@@ -34,8 +34,9 @@ struct Criteria {
   double least_probability_within = 0.75;
   /// A joint sticks where its speed is below this many times what its own sensor resolves.
   double at_rest = 3.0;
-  /// A share of the explained gap below this is none: what forms, filters and the errors of the nominal leave
-  /// beside a large effect is as large, and a hundredth of the gap is no answer to which knob to turn.
+  /// A share below this, of the explained gap and of every joint's own, is none: what forms, filters and the
+  /// errors of the nominal leave beside a large effect is as large, and a hundredth of the gap is no answer
+  /// to which knob to turn.
   double least_share = 0.01;
 
   // ------------------------------------------------------------------------------------------ which effects
