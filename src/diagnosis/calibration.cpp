@@ -22,6 +22,8 @@ namespace {
 
 constexpr double interval = 0.9;  // of the cases that an interval is to hold, each of weight one
 constexpr std::size_t least_cases = 30, none = std::size_t(-1);
+// What no library has is rarer in a bank than on robots.
+constexpr double weight_of_unknown = 2.0;
 constexpr double step_of_factor = 1.05, largest_factor = 6.0;
 
 /// One parameter's error, and half its interval before any factor.
@@ -70,6 +72,7 @@ struct Weighed {
   std::string name;
   Grounds grounds;
   bool right;
+  double weight;
 };
 
 /// Every effect weighed in the bank, but those that may be there or not.
@@ -77,11 +80,15 @@ std::vector<Weighed> weighed(const std::vector<BlindCase>& cases) {
   std::vector<Weighed> out;
   for (const BlindCase& c : cases) {
     if (!c.failure.empty()) continue;
+    const bool unknown =
+        !c.withheld.empty() || std::any_of(c.truth.begin(), c.truth.end(),
+                                           [](const Effect& t) { return t.name.rfind("unknown", 0) == 0; });
     for (const ConsideredEffect& e : c.considered) {
       if (std::find(c.background.begin(), c.background.end(), e.name) != c.background.end()) continue;
-      out.push_back({e.name, e.grounds, std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& t) {
-                       return t.name == e.name;
-                     })});
+      out.push_back(
+          {e.name, e.grounds,
+           std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& t) { return t.name == e.name; }),
+           unknown ? weight_of_unknown : 1.0});
     }
   }
   return out;
@@ -98,12 +105,13 @@ void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
   for (auto& [name, column] : names) column = size++;
   const Eigen::Index one = size++, rows = static_cast<Eigen::Index>(all.size());
   Eigen::MatrixXd X = Eigen::MatrixXd::Zero(rows, size);
-  Eigen::VectorXd right(rows);
+  Eigen::VectorXd right(rows), weight(rows);
   for (Eigen::Index i = 0; i < rows; ++i) {
     const Weighed& w = all[static_cast<std::size_t>(i)];
     X.row(i).head(grounds) = Eigen::Map<const Eigen::RowVectorXd>(w.grounds.value.data(), grounds);
     X(i, names.at(w.name)) = X(i, one) = 1.0;
     right[i] = w.right ? 1.0 : 0.0;
+    weight[i] = w.weight;
   }
   const Eigen::RowVectorXd mean = X.leftCols(grounds).colwise().mean();
   const Eigen::RowVectorXd spread =
@@ -116,8 +124,9 @@ void fit_weights(const std::vector<Weighed>& all, Calibration& c) {
   prior[one] = 1e-3;
   for (int k = 0; k < steps; ++k) {
     const Eigen::VectorXd p = (1.0 + (-(X * w).array()).exp()).inverse();
-    const Eigen::VectorXd slope = X.transpose() * (right - p) - prior.cwiseProduct(w);
-    Eigen::MatrixXd H = X.transpose() * (p.array() * (1.0 - p.array())).matrix().asDiagonal() * X;
+    const Eigen::VectorXd slope = X.transpose() * weight.cwiseProduct(right - p) - prior.cwiseProduct(w);
+    Eigen::MatrixXd H =
+        X.transpose() * (weight.array() * p.array() * (1.0 - p.array())).matrix().asDiagonal() * X;
     H.diagonal() += prior;
     w += H.ldlt().solve(slope);
   }

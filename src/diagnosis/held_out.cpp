@@ -4,38 +4,38 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "energy.hpp"
 #include "split.hpp"
 
 namespace dynid::detail {
 
-Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor,
-                 unsigned seed) {
+namespace {
+
+/// The gap, and what is left of it, in rows of which `block` says which belong together.
+Shrink shrink_of(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
+                 const std::vector<double>& block, const Eigen::VectorXd& floor, unsigned seed) {
   Shrink shrink;
-  shrink.before = rms(rows.y);
+  shrink.before = rms(before);
   shrink.after = rms(after);
   shrink.floor = floor;
-  shrink.fraction = shrink_fraction(rows.y, after, floor);
+  shrink.fraction = shrink_fraction(before, after, floor);
   // Blocks drawn with replacement.
   std::vector<std::vector<Eigen::Index>> blocks;
-  const double length = block_length(rows);
-  double open = -1.0;
-  for (Eigen::Index i = 0; i < rows.size(); ++i) {
-    const double block = std::floor(rows.t[i] / length) + 1e6 * rows.log[static_cast<std::size_t>(i)];
-    if (block != open) blocks.emplace_back();
-    open = block;
-    blocks.back().push_back(i);
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    if (i == 0 || block[i] != block[i - 1]) blocks.emplace_back();
+    blocks.back().push_back(static_cast<Eigen::Index>(i));
   }
   std::mt19937_64 random(seed);
   std::vector<double> fractions;
   for (int k = 0; k < 200; ++k) {
     std::vector<Eigen::Index> drawn;
     for (std::size_t b = 0; b < blocks.size(); ++b) {
-      const auto& block = blocks[random() % blocks.size()];
-      drawn.insert(drawn.end(), block.begin(), block.end());
+      const auto& here = blocks[random() % blocks.size()];
+      drawn.insert(drawn.end(), here.begin(), here.end());
     }
-    fractions.push_back(shrink_fraction(rows.y(drawn, Eigen::all), after(drawn, Eigen::all), floor));
+    fractions.push_back(shrink_fraction(before(drawn, Eigen::all), after(drawn, Eigen::all), floor));
   }
   std::sort(fractions.begin(), fractions.end());
   shrink.low = std::min(shrink.fraction, fractions[10]);
@@ -43,19 +43,50 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
   return shrink;
 }
 
-GapModel fitted_within(const GapRows& rows, const GapModel& model) {
-  const GapRows odd(rows, alternate(rows, true, within_length(rows), 1));
+/// The block of `seconds` that each row is in.
+std::vector<double> blocks_of(const GapRows& rows, double seconds) {
+  std::vector<double> out;
+  for (Eigen::Index i = 0; i < rows.size(); ++i)
+    out.push_back(std::floor(rows.t[i] / seconds) + 1e6 * rows.log[static_cast<std::size_t>(i)]);
+  return out;
+}
+
+GapModel fitted_on(const GapRows& rows, const GapModel& model) {
   GapModel part = model;
-  part.effects = carried(odd, model.effects);
-  part.fit = fit_of(odd, part.effects, model.kappa);
+  part.effects = carried(rows, model.effects);
+  part.fit = fit_of(rows, part.effects, model.kappa);
   return part;
+}
+
+}  // namespace
+
+Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor,
+                 unsigned seed) {
+  return shrink_of(rows.y, after, blocks_of(rows, block_length(rows)), floor, seed);
+}
+
+GapModel fitted_within(const GapRows& rows, const GapModel& model) {
+  return fitted_on(GapRows(rows, alternate(rows, true, within_length(rows), 1)), model);
 }
 
 Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
                      unsigned seed) {
-  const GapRows even(rows, alternate(rows, false, within_length(rows), 1));
-  const GapModel part = fitted_within(rows, model);
-  return shrink_of(even, even.y - contribution(even, part, part.fit.theta), floor, seed);
+  // Either half judges what the other has fitted: what is brief may be in one of them alone.
+  const double length = within_length(rows);
+  Eigen::MatrixXd before(0, rows.joints()), after = before;
+  std::vector<double> block;
+  for (const bool fits : {true, false}) {
+    const GapRows fitting(rows, alternate(rows, fits, length, 1)),
+        judging(rows, alternate(rows, !fits, length, 1));
+    const GapModel part = fitted_on(fitting, model);
+    const Eigen::Index first = before.rows();
+    before.conservativeResize(first + judging.size(), Eigen::NoChange);
+    after.conservativeResize(first + judging.size(), Eigen::NoChange);
+    before.bottomRows(judging.size()) = judging.y;
+    after.bottomRows(judging.size()) = judging.y - contribution(judging, part, part.fit.theta);
+    for (const double b : blocks_of(judging, block_length(rows))) block.push_back(b);
+  }
+  return shrink_of(before, after, block, floor, seed);
 }
 
 }  // namespace dynid::detail

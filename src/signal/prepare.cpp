@@ -143,7 +143,7 @@ std::vector<Lag> velocity_lags(const Log& log, const Interval& in, double cutoff
 void check_velocity(const Log& log, const Interval& in, const PrepareOptions& options, PreparedLog& out) {
   // A lag less than this part of the band's time constant changes nothing that is seen in the band; a gain
   // nearer to 1 is within what stamps and encoders are.
-  constexpr double least_lag = 0.01, least_gain = 0.02, sure = 4.0;
+  constexpr double least_lag = 0.003, least_gain = 0.02, sure = 4.0;
   const std::vector<Lag> lags = velocity_lags(log, in, out.cutoff);
   std::vector<double> values;
   for (const Lag& lag : lags)
