@@ -7,6 +7,8 @@
 namespace dynid::detail {
 namespace {
 
+constexpr double least_asymmetry = 0.15;  // of the sum: three to two and a quarter
+
 class AsymmetricCoulombFriction : public OwnTorque {
  public:
   AsymmetricCoulombFriction()
@@ -18,6 +20,8 @@ class AsymmetricCoulombFriction : public OwnTorque {
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd& shape) const override {
     if (!hinders(robot, unit, 3.0 * shape[0], 0.5 * c.sum())) return false;
+    // Nearly even, it is Coulomb friction, and what makes it uneven may be anything with an offset.
+    if (std::abs(c[0] - c[1]) < least_asymmetry * c.cwiseAbs().sum()) return false;
     // One that helps the motion in one direction as much as it hinders it in the other is an offset.
     return c[0] * c[1] > 0.0 || std::abs(c.sum()) > 0.5 * c.cwiseAbs().maxCoeff();
   }
