@@ -21,10 +21,14 @@ struct Trial {
   GapRows rows;
   std::vector<Eigen::MatrixXd> own;
 };
-Trial trial(const GapRows& rows, const GapModel& model) {
+/// `other_log`: the rows are not of the log that the effects were found in, where a window of that one's
+/// clock says nothing.
+Trial trial(const GapRows& rows, const GapModel& model, bool other_log = false) {
   Trial out{rows, {}};
   for (std::size_t k = 0; k < model.effects.size(); ++k)
-    out.own.push_back(contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)));
+    out.own.push_back(other_log && model.effects[k].h->scope() == Scope::window
+                          ? Eigen::MatrixXd(Eigen::MatrixXd::Zero(rows.size(), rows.joints()))
+                          : contribution(rows, model, model.fit.theta, static_cast<std::ptrdiff_t>(k)));
   return out;
 }
 
@@ -81,7 +85,7 @@ std::vector<Grounds> grounds_of(const Choice& choice, const GapModel& model,
   // What does not come back, or does not act in the rows that judge, can only be judged beside where it was
   // found; and what is too brief for that, where it was found.
   const GapModel within = fitted_within(choice.rows, model);
-  const Trial held = trial(choice.held, model),
+  const Trial held = trial(choice.held, model, choice.split.several),
               near = trial(GapRows(choice.rows, alternate(choice.rows, false, within_length(choice.rows), 1)),
                            within);
   const Eigen::VectorXd before = by_joint(choice.rows.y, floor), after = by_joint(model.fit.residual, floor);

@@ -141,9 +141,9 @@ std::vector<Lag> velocity_lags(const Log& log, const Interval& in, double cutoff
 /// Names what dq has against the derivative of q, and mends the lag: one time for all joints where they
 /// agree.
 void check_velocity(const Log& log, const Interval& in, const PrepareOptions& options, PreparedLog& out) {
-  // A lag less than this part of the band's time constant changes nothing that is seen in the band; a gain
-  // nearer to 1 is within what stamps and encoders are.
-  constexpr double least_lag = 0.003, least_gain = 0.02, sure = 4.0;
+  // In parts of the band's time constant: a lag that changes nothing that is seen in the band; lags that are
+  // one. A gain nearer to 1 than least_gain is within what stamps and encoders are.
+  constexpr double least_lag = 0.003, alike = 0.01, least_gain = 0.02, sure = 4.0;
   const std::vector<Lag> lags = velocity_lags(log, in, out.cutoff);
   std::vector<double> values;
   for (const Lag& lag : lags)
@@ -151,7 +151,7 @@ void check_velocity(const Log& log, const Interval& in, const PrepareOptions& op
   if (values.empty()) return;
   const double common = median(values);
   const auto agrees = [&](const Lag& lag) {
-    return std::abs(lag.value - common) <= std::max(sure * lag.error, least_lag / out.cutoff);
+    return std::abs(lag.value - common) <= std::max(sure * lag.error, alike / out.cutoff);
   };
   const bool together =
       std::all_of(lags.begin(), lags.end(), [&](const Lag& lag) { return lag.error == 0.0 || agrees(lag); });
