@@ -176,8 +176,11 @@ Calibration parse_calibration(const std::string& text, const std::string& name) 
   c.form_error = file.at("form_error").number();
   for (const auto& [parameter, error] : file.at("form_errors").entries())
     c.form_errors[parameter] = error.number();
-  for (const auto& [key, range] : file.at("family").entries()) {
+  const detail::YamlItem family = file.at("family");
+  family.expect_keys({"joints", "rate_hz", "duration_s", "logs"});
+  for (const auto& [key, range] : family.entries()) {
     const Eigen::Vector2d ends = range.vector<2>();
+    if (!(ends[0] <= ends[1])) range.fail("from and to: the first must not be above the second");
     c.family[key] = {ends[0], ends[1]};
   }
   return c;

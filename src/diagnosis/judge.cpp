@@ -67,9 +67,8 @@ class Judge {
   /// The effect takes next to nothing of the gap, of all joints' and of each joint's own: a small effect on
   /// one joint is an answer there, however large the gap is on others.
   bool is_nothing(const Judged& out, std::size_t k) const {
-    constexpr double none = 0.1;  // of least_share: no joint makes an answer of that
     if (out.shares[k] >= criteria_.least_share) return false;
-    if (out.shares[k] < none * criteria_.least_share) return true;
+    if (out.shares[k] < criteria_.no_share) return true;
     const Eigen::ArrayXd own = rms(own_contribution(out.model, k)).array(),
                          gap = rms(choice_.rows.y).array().max(criteria_.left_over * noise_.array());
     return (own / gap).square().maxCoeff() < criteria_.least_share;

@@ -712,6 +712,10 @@ TEST(Calibration, WhatIsWrittenIsRead) {
   EXPECT_GT(other.probability("coulomb_friction", g), inside.probability("coulomb_friction", g));
   EXPECT_EQ(other.probability("backlash", g), parse_calibration(text, "a text").probability("backlash", g));
   EXPECT_THROW(parse_calibration("format: dynid-calibration-1\n", "a text"), Error);
+  const std::string family = text.substr(0, text.find("family:")) + "family:\n  ";
+  EXPECT_NO_THROW(parse_calibration(family + "joints: [1, 7]\n", "a text"));
+  EXPECT_THROW(parse_calibration(family + "joints: [7, 1]\n", "a text"), Error);
+  EXPECT_THROW(parse_calibration(family + "axes: [1, 7]\n", "a text"), Error);
 }
 
 // Law: a log within the family is not remarked on, one twice as long or slow is, by what it is outside in.

@@ -85,6 +85,30 @@ TEST(Prepare, VelocityLagIsFoundToATenthOfAMillisecondAndMended) {
   EXPECT_EQ(find(prepare(make_log(uniform(500.0, 12.0), 0.0, 1e-3)), "velocity_lag"), nullptr);
 }
 
+// Law: what one joint's dq is late by, or is scaled by, is said of that joint, and neither is taken for the
+// other.
+TEST(Prepare, LagAndGainOfTheVelocityAreThoseOfTheirJoint) {
+  PrepareOptions options;
+  options.cutoff = 6.0;
+  Log log = make_log(uniform(500.0, 12.0), 0.003, 1e-3);
+  for (Eigen::Index i = 0; i < log.samples(); ++i) log.dq(i, 2) = velocity(log.t[i] - 0.013, 2);
+  const PreparedLog late = prepare(log, options);
+  ASSERT_EQ(late.velocity_lag.size(), 3);
+  EXPECT_NEAR(late.velocity_lag[0], 0.003, 2e-4);
+  EXPECT_NEAR(late.velocity_lag[1], 0.003, 2e-4);
+  EXPECT_NEAR(late.velocity_lag[2], 0.013, 2e-4);
+  EXPECT_EQ(find(late, "velocity_gain"), nullptr);
+
+  log = make_log(uniform(500.0, 12.0), 0.0, 1e-3);
+  log.dq.col(1) *= 1.1;
+  const PreparedLog scaled = prepare(log, options);
+  EXPECT_EQ(find(scaled, "velocity_lag"), nullptr);
+  const DataIssue* gain = find(scaled, "velocity_gain");
+  ASSERT_NE(gain, nullptr);
+  EXPECT_EQ(gain->joints, std::vector<int>{2});
+  EXPECT_NEAR(gain->value, 1.1, 0.005);
+}
+
 TEST(Prepare, RepeatsJitterAndGapsAreNamedWithTheirSize) {
   std::mt19937_64 random(23);
   std::vector<double> stamps;

@@ -38,6 +38,8 @@ struct Criteria {
   /// errors of the nominal leave beside a large effect is as large, and a hundredth of the gap is no answer
   /// to which knob to turn.
   double least_share = 0.01;
+  /// And below this of the explained gap it is none on any joint: a tenth of that.
+  double no_share = 0.001;
 
   // ------------------------------------------------------------------------------------------ which effects
   /// Log evidence that a further effect has to bring beyond its price: odds of e^10 before the calibration's

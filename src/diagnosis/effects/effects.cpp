@@ -103,8 +103,9 @@ double usual_speed(const Robot& robot, int joint) {
   const Joint& of = robot.joints[static_cast<std::size_t>(joint)];
   if (std::isfinite(of.limits.velocity) && of.limits.velocity > 0.0) return 0.5 * of.limits.velocity;
   const double reach = arm_reach(robot), gravity = robot.gravity.norm();
-  if (!(gravity > 0.0)) return reach;  // one reach, or one radian of it, a second
-  return std::sqrt(of.type == JointType::prismatic ? gravity * reach : gravity / reach);
+  const bool slides = of.type == JointType::prismatic;
+  if (!(gravity > 0.0)) return slides ? reach : 1.0;  // nothing swings: one reach, or one radian, a second
+  return std::sqrt(slides ? gravity * reach : gravity / reach);
 }
 
 double nominal_friction(const Robot& robot, int joint, double speed) {
