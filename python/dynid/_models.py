@@ -77,8 +77,8 @@ def write_mjcf(changed, original, path=None):
     """The MJCF `original` (path, or mujoco.MjSpec) with inertias, friction, armature, gravity and servos of
     `changed` (a Robot read from it, such as a diagnosis's patch); all else stays as it is.
 
-    Returns the changed mujoco.MjSpec; with `path`, its XML is written too, by MuJoCo, to its six digits. The spec is compiled and read back
-    as a check: its mass matrix and torques are those of `changed`, else Error.
+    Returns the changed mujoco.MjSpec; with `path`, its XML is written too, by MuJoCo, to its six digits. The spec is
+    compiled and read back as a check: its mass matrix and torques are those of `changed`, else Error.
     """
     import mujoco
     import numpy as np

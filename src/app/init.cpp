@@ -14,8 +14,6 @@
 namespace dynid {
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
-
 bool is_word(const std::string& name) {
   const auto fits = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -40,7 +38,7 @@ std::vector<ModifiedDh> modified_rows(const InitJob& job, Eigen::Isometry3d& tip
   for (const std::string& name : dh.names)
     if (name != "a" && name != "alpha" && name != "d" && name != "theta")
       throw Error(dh.source + ": column '" + name + "' is none of a, alpha, d and theta");
-  const double unit = job.degrees ? pi / 180.0 : 1.0;
+  const double unit = job.degrees ? M_PI / 180.0 : 1.0;
   const Eigen::VectorXd a = column(dh, "a", true), alpha = unit * column(dh, "alpha", true),
                         d = column(dh, "d", true), theta = unit * column(dh, "theta", false);
   std::vector<ModifiedDh> rows;
