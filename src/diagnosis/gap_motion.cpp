@@ -112,7 +112,7 @@ Eigen::MatrixXd GapMotion::along(const Eigen::MatrixXd& d_q, const Eigen::Matrix
   return out;
 }
 
-void GapMotion::keep_slopes() const {
+void GapMotion::keep_shared() const {
   if (!slopes_.empty()) return;
   const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(q.rows(), robot_.size());
   for (int j = 0; j < robot_.size(); ++j) {
@@ -120,6 +120,19 @@ void GapMotion::keep_slopes() const {
     unit.col(j).setOnes();
     slopes_.push_back({along(unit, none, none), along(none, unit, none), along(none, none, unit)});
   }
+  poses_ = poses(0, q.rows());
+}
+
+std::vector<GapMotion::Pose> GapMotion::poses(Eigen::Index first, Eigen::Index count) const {
+  Workspace<> ws(model_);
+  std::vector<Eigen::Isometry3d> here(static_cast<std::size_t>(robot_.size()) + 1);
+  std::vector<Pose> out;
+  out.reserve(static_cast<std::size_t>(count * robot_.size()));
+  for (Eigen::Index i = 0; i < count; ++i) {
+    forward_kinematics(model_, ws, q.row(first + i).transpose(), here);
+    for (int j = 0; j < robot_.size(); ++j) out.emplace_back(here[static_cast<std::size_t>(j)]);
+  }
+  return out;
 }
 
 Eigen::MatrixXd GapMotion::shifted(int joint, const Eigen::VectorXd& d) const {
@@ -164,16 +177,15 @@ Eigen::MatrixXd GapMotion::gravity_columns(const Eigen::Vector3d& gravity) const
 
 std::vector<Eigen::MatrixXd> GapMotion::force_columns(int link, const Eigen::Vector3d& point,
                                                       Eigen::Index first, Eigen::Index count) const {
-  Workspace<> ws(model_);
-  std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(robot_.size()) + 1);
+  const std::vector<Pose> made = poses_.empty() ? poses(first, count) : std::vector<Pose>();
+  const Pose* here = poses_.empty() ? made.data() : poses_.data() + first * robot_.size();
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(link) + 1, Eigen::MatrixXd(count, 3));
-  for (Eigen::Index i = 0; i < count; ++i) {
-    forward_kinematics(model_, ws, q.row(first + i).transpose(), poses);
-    const Eigen::Vector3d at = poses[static_cast<std::size_t>(link)] * point;
+  for (Eigen::Index i = 0; i < count; ++i, here += robot_.size()) {
+    const Eigen::Vector3d at = here[link] * point;
     for (std::size_t j = 0; j < out.size(); ++j) {
-      const Eigen::Vector3d axis = poses[j].linear() * robot_.joints[j].axis;
+      const Eigen::Vector3d axis = here[j].linear() * robot_.joints[j].axis;
       const bool slides = robot_.joints[j].type == JointType::prismatic;
-      out[j].row(i) = (slides ? axis : Eigen::Vector3d(axis.cross(at - poses[j].translation()))).transpose();
+      out[j].row(i) = (slides ? axis : Eigen::Vector3d(axis.cross(at - here[j].translation()))).transpose();
     }
   }
   return out;

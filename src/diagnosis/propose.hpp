@@ -22,10 +22,14 @@ std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& 
 
 /// The best form of one effect beside those of `base`: no units where there is none. The strategy follows
 /// from the effect's scope: in each joint's own torque, in the torques of several joints, in a window of
-/// time. A window is sought where it may gain `worth`.
-Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base, double worth);
-Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
-Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
+/// time. A window is sought where it may gain `worth`; any other shape is refined between the points of its
+/// grid where `refine` asks for it.
+Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base, bool refine,
+                double worth);
+Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
+                    bool refine);
+Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
+                        bool refine);
 Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
                        double worth);
 

@@ -16,7 +16,7 @@ struct Units {
   std::vector<double> gains;
 };
 
-Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base, bool refine) {
   Units out{std::vector<UnitShape>(grid.size()), std::vector<double>(grid.size())};
   const auto gain = [&](const RowBlock& block) { return by.coupled_gain(h, block, base); };
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
@@ -26,7 +26,9 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
     const auto own = [&](const RowBlock& block) {
       return by.own_gain(h, {{unit}, {*block.find(unit)}}, base.channels[u], base.model.kappa);
     };
-    const double worth = by.criteria.worth_refining * by.price(h, {unit, grid[u][0].shape, grid[u][0].block});
+    const double worth =
+        refine ? by.criteria.worth_refining * by.price(h, {unit, grid[u][0].shape, grid[u][0].block})
+               : std::numeric_limits<double>::infinity();
     out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1
                       ? best_shape(by, h, unit, grid[u], own, worth)
                       : best_shape(by, h, unit, grid[u], gain, worth);
@@ -102,9 +104,10 @@ void keep_plausible(const Evaluator& by, const Hypothesis& h, const Base& base, 
 
 }  // namespace
 
-Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
+                        bool refine) {
   Adopted effect{&h, {}, 0.0};
-  const Units units = best_units(by, h, grid, base);
+  const Units units = best_units(by, h, grid, base, refine);
   const auto first = static_cast<std::size_t>(std::max_element(units.gains.begin(), units.gains.end()) -
                                               units.gains.begin());
   if (!std::isfinite(units.gains[first])) return effect;

@@ -4,14 +4,17 @@
 
 namespace dynid::detail {
 
-Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
+Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
+                    bool refine) {
   Adopted effect{&h, {}, 0.0};
   for (std::size_t u = 0; u < grid.size(); ++u) {
     const Channel& channel = base.channels[u];
     const auto gain = [&](const RowBlock& block) { return by.own_gain(h, block, channel, base.model.kappa); };
-    const double worth =
-        by.criteria.worth_refining *
-        (by.price(h, {static_cast<int>(u), grid[u][0].shape, grid[u][0].block}) + by.criteria.joint_gain);
+    const double worth = !refine
+                             ? std::numeric_limits<double>::infinity()
+                             : by.criteria.worth_refining *
+                                   (by.price(h, {static_cast<int>(u), grid[u][0].shape, grid[u][0].block}) +
+                                    by.criteria.joint_gain);
     const UnitShape unit = best_shape(by, h, static_cast<int>(u), grid[u], gain, worth);
     const double gained = gain(*unit.block) - by.price(h, unit);
     if (gained < by.criteria.joint_gain) continue;

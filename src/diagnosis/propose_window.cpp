@@ -157,6 +157,16 @@ class WindowFit {
     gain_ = value(*best_.block);
   }
 
+  /// All from `first` on, by turns, as long as a turn brings something.
+  void improve_until(Eigen::Index first, double row) {
+    constexpr int most_turns = 3;
+    for (int turn = 0; turn < most_turns; ++turn) {
+      const double before = gain_;
+      improve_all(first, row);
+      if (gain_ - before < enough) break;
+    }
+  }
+
   /// Shape parameters from `first` on: a window's ends within `row` [s], the others in their ranges.
   void improve_all(Eigen::Index first, double row) {
     for (Eigen::Index s = first; s < best_.shape.size(); ++s) {
@@ -180,6 +190,7 @@ class WindowFit {
   double gain() const { return gain_; }
 
  private:
+  static constexpr double enough = 0.1;  // nats: no judgement hangs on less
   double value(const RowBlock& block) const { return by_.coupled_gain(h_, block, base_); }
 
   bool moved(Eigen::Index step) {
@@ -245,12 +256,14 @@ Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& gri
   // The scan takes rows as independent, and so gains more than the fit will.
   if (found.link < 0 || found.gain < worth) return effect;
   WindowFit fit(by, h, base, found, longest);
-  for (int pass = 0; pass < 3; ++pass) fit.improve_all(2, 0.0);
+  fit.improve_until(2, 0.0);
+  effect.units = {fit.best()};
+  // Its ends, as they are scanned, are within a tenth of its length: they do not double what it gains.
+  if (2.0 * fit.gain() - by.cost(effect) < worth) return {&h, {}, 0.0};
   fit.move_ends();
   effect.units = {fit.best()};
   if (fit.gain() - by.cost(effect) > 0.0) {  // and between the rows
-    const double row = fit.row();
-    for (int pass = 0; pass < 3; ++pass) fit.improve_all(0, row);
+    fit.improve_until(0, fit.row());
     effect.units = {fit.best()};
   }
   effect.gain = fit.gain() - by.cost(effect);

@@ -16,6 +16,8 @@ namespace {
 
 constexpr double edge_periods = 1.0;      // of the cut-off, at either end of a stretch
 constexpr Eigen::Index directions = 24;   // of the nuisance, at most
+constexpr double usual_error = 0.03;      // of the nominal's parameters, relatively: no more is ever assumed
+constexpr double least_seen = 0.1;        // of the white floor: what is smaller, in a hundred parts of energy
 constexpr double least_floor = 1e-4;      // of the largest load of a joint of its type
 constexpr double usual_lateness = 0.025;  // of stamps, in parts of the time between rows
 
@@ -374,6 +376,8 @@ void GapRows::make_nuisance() {
       jobs.push_back({s, k, std::min(block, (*stretches_)[s].count - k)});
   const auto n = static_cast<std::size_t>(joints());
   const Eigen::Index stride = (size() + rows_for_directions - 1) / rows_for_directions;
+  Eigen::Index rows_of_directions = 0;
+  for (const Job& job : jobs) rows_of_directions += (job.count - 1) / stride + 1;
   std::vector<std::vector<Eigen::MatrixXd>> covariance(jobs.size()), columns(jobs.size());
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
     std::vector<Eigen::MatrixXd> all =
@@ -386,7 +390,11 @@ void GapRows::make_nuisance() {
     Eigen::MatrixXd sum = covariance.front()[j];
     for (std::size_t k = 1; k < jobs.size(); ++k) sum += covariance[k][j];
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sum);
-    main.emplace_back(eigen.eigenvectors().rightCols(std::min(directions, sum.cols())));
+    // Ascending: what errors of the usual size add beside the noise is seen in the last ones alone.
+    const double least = least_seen * white_floor[static_cast<Eigen::Index>(j)] / usual_error;
+    const Eigen::Index seen =
+        (eigen.eigenvalues().array() > least * least * double(rows_of_directions)).count();
+    main.emplace_back(eigen.eigenvectors().rightCols(std::clamp<Eigen::Index>(seen, 1, directions)));
     nuisance.emplace_back(size(), main.back().cols());
   }
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {

@@ -8,6 +8,8 @@
 namespace dynid::detail {
 namespace {
 
+constexpr std::size_t spare_refined = 4;  // beyond as many as are fitted jointly: a grid is coarse
+
 /// Rows in which no window of the effects acts; all, where they leave too few.
 std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector<Adopted>& effects) {
   std::vector<Eigen::Index> out, all;
@@ -43,7 +45,7 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library, cons
       }
     }
   }
-  for (const GapMotion& motion : rows.motions()) motion.keep_slopes();
+  for (const GapMotion& motion : rows.motions()) motion.keep_shared();
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
     GridPoint& point = grids_[jobs[k].h][static_cast<std::size_t>(jobs[k].unit)][jobs[k].point];
     point.block = std::make_shared<RowBlock>(by_.rows.block(*library_[jobs[k].h], jobs[k].unit, point.shape));
@@ -105,22 +107,29 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
 std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_t joint_refits) const {
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
-  const auto propose_all = [&](bool windows, double worth) {
-    tbb::parallel_for(std::size_t{0}, library_.size(), [&](std::size_t k) {
-      if (grids_[k].empty()) return;  // an arm of one joint has no pairs
-      if ((library_[k]->scope() == Scope::window) != windows) return;
-      for (const Adopted& e : base.effects)
-        if (e.h->name() == library_[k]->name())
-          return;  // once each: another joint of it is a matter of the first choice
-      proposed[k] = propose(by_, *library_[k], grids_[k], beginning, worth);
+  std::vector<std::size_t> windows, others;
+  for (std::size_t k = 0; k < library_.size(); ++k) {
+    if (grids_[k].empty()) continue;  // an arm of one joint has no pairs
+    // Once each: another joint of it is a matter of the first choice.
+    const auto same = [&](const Adopted& e) { return e.h->name() == library_[k]->name(); };
+    if (std::any_of(base.effects.begin(), base.effects.end(), same)) continue;
+    (library_[k]->scope() == Scope::window ? windows : others).push_back(k);
+  }
+  const auto propose_all = [&](const std::vector<std::size_t>& which, bool refine, double worth) {
+    tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
+      proposed[which[i]] = propose(by_, *library_[which[i]], grids_[which[i]], beginning, refine, worth);
     });
   };
-  propose_all(false, 0.0);
-  // A window costs most to refine: only where it may be among those that are fitted jointly.
+  // To refine is what costs: only where a shape may then be among those that are fitted jointly.
+  propose_all(others, false, 0.0);
+  std::stable_sort(others.begin(), others.end(),
+                   [&](std::size_t a, std::size_t b) { return proposed[a].gain > proposed[b].gain; });
+  if (others.size() > joint_refits + spare_refined) others.resize(joint_refits + spare_refined);
+  propose_all(others, true, 0.0);
   std::vector<double> gains(joint_refits, 0.0);
   for (const Adopted& e : proposed) gains.push_back(e.gain);
   std::sort(gains.rbegin(), gains.rend());
-  propose_all(true, std::max(0.0, gains[joint_refits - 1]));
+  propose_all(windows, true, std::max(0.0, gains[joint_refits - 1]));
   std::vector<Adopted> useful;
   for (Adopted& e : proposed)
     if (e.h != nullptr && !e.units.empty() && e.gain > 0.0) useful.push_back(std::move(e));
@@ -176,8 +185,8 @@ bool Search::matters(const GapModel& model, const GapModel& next) const {
               .all();
 }
 
-GapModel Search::best(double kappa, int most) const {
-  GapModel model = none(kappa);
+GapModel Search::grown(GapModel model, int most) const {
+  const double kappa = model.kappa;
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
     if (next.empty() || next[0].score < model.score + by_.criteria.effect_gain) break;

@@ -26,7 +26,9 @@ class Search {
 
   /// The best set of up to `most` effects, by forward steps with joint refits, exchanges and a backward
   /// check, for a nominal model whose parameters are off by `kappa`, relatively.
-  GapModel best(double kappa, int most) const;
+  GapModel best(double kappa, int most) const { return grown(none(kappa), most); }
+  /// The same from a set that is likely to be near it.
+  GapModel grown(GapModel model, int most) const;
   /// The set with one effect after another in exchange for a better one, until none is better.
   GapModel exchanged(GapModel model) const;
   /// The gap with no effect.

@@ -72,7 +72,7 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
   const double kappa = tuned(sets, options.tolerance);
   if (kappa != first_kappa) {
     say("choosing effects again", 0.5);
-    const GapModel again = search.best(kappa, options.most_effects);
+    const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
     if (again.score > model.score) model = again;
   }
   keep_what_holds();

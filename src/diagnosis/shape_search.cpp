@@ -17,11 +17,14 @@ double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen:
     return gain(*out.block);
   };
   low = to(low), high = to(high);
+  constexpr int settled = 4;            // steps after which the two points are near each other
+  constexpr double enough = 0.01;       // nats: no judgement hangs on less
   const double g = 0.6180339887498949;  // golden section
   double a = high - g * (high - low), b = low + g * (high - low);
   UnitShape at_a, at_b;
   double fa = value(a, at_a), fb = value(b, at_b);
   for (int k = 0; k < 10; ++k) {
+    if (k >= settled && std::abs(fa - fb) < enough) break;
     if (fa > fb) {
       high = b, b = a, fb = fa, at_b = at_a;
       a = high - g * (high - low);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <vector>
 
@@ -45,9 +46,10 @@ class GapMotion {
   Eigen::MatrixXd shifted(int joint, const Eigen::VectorXd& d) const;
   /// M_jj along the motion: N [kg m^2].
   Eigen::VectorXd inertia(int joint) const;
-  /// Makes what shifted() and inertia() of all joints share, 3 n^2 N numbers: worth it where they are called
-  /// often. Without it each call computes what it needs. Not while another thread uses the motion.
-  void keep_slopes() const;
+  /// Makes what shifted() and inertia() of all joints share, 3 n^2 N numbers, and the links' poses that
+  /// force_columns() needs, 12 n N numbers: worth it where they are called often. Without it each call
+  /// computes what it needs. Not while another thread uses the motion.
+  void keep_shared() const;
   /// What a gravity vector [m/s^2], in the base frame, adds to the rigid body's torque: N x n [N m].
   Eigen::MatrixXd gravity_columns(const Eigen::Vector3d& gravity) const;
   /// J^T of a point [m] fixed in link `link` (from 0), in the link frame, for a force in the axes of the base
@@ -61,6 +63,9 @@ class GapMotion {
   Model<> model_;
   using Slopes = std::array<Eigen::MatrixXd, 3>;  // d tau / d (q_j, dq_j, ddq_j), N x n each
   mutable std::vector<Slopes> slopes_;            // of each joint; empty: not kept
+  using Pose = Eigen::Transform<double, 3, Eigen::AffineCompact>;
+  std::vector<Pose> poses(Eigen::Index first, Eigen::Index count) const;  // sample by sample, base to tip
+  mutable std::vector<Pose> poses_;  // of each sample, of each link; empty: not kept
 };
 
 /// Columns that one effect has in some of the joints' torques.
