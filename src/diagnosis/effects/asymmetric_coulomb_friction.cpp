@@ -19,10 +19,12 @@ class AsymmetricCoulombFriction : public OwnTorque {
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override { return {sign_width(s)}; }
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd& shape) const override {
-    if (!hinders(robot, unit, 3.0 * shape[0], 0.5 * c.sum())) return false;
+    // Friction hinders in either direction: what helps in one is an offset.
+    for (const double torque : c)
+      if (!hinders(robot, unit, 3.0 * shape[0], torque)) return false;
     // Nearly even, it is Coulomb friction, and what makes it uneven may be anything with an offset.
     if (std::abs(c[0] - c[1]) < least_asymmetry * c.cwiseAbs().sum()) return false;
-    // One that helps the motion in one direction as much as it hinders it in the other is an offset.
+    // More by one direction and less by the other, it changes an offset as well.
     return c[0] * c[1] > 0.0 || std::abs(c.sum()) > 0.5 * c.cwiseAbs().maxCoeff();
   }
 
