@@ -40,7 +40,8 @@ class TorqueEstimatorNode {
         frames_(setup_.model.file.robot, setup_.frames),
         core_(model(), setup_.joints, setup_.core),
         outputs_(private_, setup_.joints, frames_.wrench_frame_name(), setup_.queue),
-        diagnostics_(setup_.joints, handle_.resolveName(setup_.topic), setup_.silence) {
+        diagnostics_(setup_.joints, handle_.resolveName(setup_.topic), setup_.silence),
+        watch_(static_cast<int>(setup_.joints.size()), setup_.assumed ? 0.0 : setup_.reading_window) {
     core_.set_wrench_frame(frames_.wrench_frame());
     for (const std::string& name : parameters_.unknown())
       ROS_WARN("%s is set, and nobody asks for it", name.c_str());
@@ -59,6 +60,12 @@ class TorqueEstimatorNode {
       EstimatorDiagnostics::model(status, setup_.model, setup_.payload, trouble_);
     });
     updater_.add("frames", [this](auto& status) { EstimatorDiagnostics::frames(status, frames_); });
+    updater_.add("reading", [this](auto& status) {
+      EstimatorDiagnostics::reading(status, watch_, setup_.assumed, setup_.reading_window);
+    });
+    if (!setup_.assumed && setup_.reading_window > 0.0)
+      watch_timer_ = handle_.createWallTimer(ros::WallDuration(setup_.reading_window / 3000.0),
+                                             [this](const ros::WallTimerEvent&) { watch(); });
     report_timer_ = handle_.createWallTimer(ros::WallDuration(setup_.diagnostic_period),
                                             [this](const ros::WallTimerEvent&) { report(); });
     if (frames_.needs_tf()) {
@@ -106,6 +113,17 @@ class TorqueEstimatorNode {
                frames_.gravity().y(), frames_.gravity().z());
     }
     core_.set_wrench_frame(frames_.wrench_frame());
+  }
+
+  void watch() {
+    const JointSample* const sample = core_.sample();
+    if (sample == nullptr) return;
+    watch_.add(*sample);
+    if (!watch_.due()) return;
+    Robot nominal = setup_.model.file.robot;
+    nominal.gravity = frames_.gravity();
+    if (setup_.payload.mass > 0.0) nominal = with_payload(nominal, setup_.payload);
+    if (watch_.ask(nominal) && !watch_.text().empty()) ROS_ERROR_THROTTLE(60.0, "%s", watch_.text().c_str());
   }
 
   void report() {
@@ -186,6 +204,7 @@ class TorqueEstimatorNode {
   EstimatorCore core_;
   EstimatorOutputs outputs_;
   EstimatorDiagnostics diagnostics_;
+  ReadingWatch watch_;
   std::string trouble_;  // why the last change was refused
 
   diagnostic_updater::Updater updater_;
@@ -194,7 +213,7 @@ class TorqueEstimatorNode {
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
   std::vector<ros::ServiceServer> services_;
   ros::Publisher model_publisher_;
-  ros::WallTimer report_timer_, tf_timer_;
+  ros::WallTimer report_timer_, tf_timer_, watch_timer_;
   ros::CallbackQueue loop_queue_;
   ros::Subscriber subscriber_;
 };

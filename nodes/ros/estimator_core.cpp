@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/kinematics.hpp"
 
 namespace dynid {
@@ -70,6 +71,10 @@ double EstimatorCore::settling_time(const TorqueEstimatorOptions& options) {
 EstimatorCore::EstimatorCore(const TorqueModel<>& model, std::vector<std::string> joints,
                              const EstimatorCoreOptions& options)
     : map_(std::move(joints)),
+      q_(Eigen::VectorXd::Zero(model.size())),
+      dq_(q_),
+      tau_(q_),
+      gravity_(q_),
       options_(options),
       estimator_(model, options.estimator),
       ws_(model.rigid_body()),
@@ -81,8 +86,10 @@ EstimatorCore::EstimatorCore(const TorqueModel<>& model, std::vector<std::string
         first.rest = Eigen::VectorXd::Zero(model.size());
         return first;
       }()),
+      samples_(JointSample{0.0, q_, q_, q_}),
       settling_(settling_time(options.estimator)),
-      record_(records_.front()) {
+      record_(records_.front()),
+      sample_(samples_.front()) {
   if (map_.size() != model.size())
     throw Error("the model has " + std::to_string(model.size()) + " joints, and " +
                 std::to_string(map_.size()) + " names are given");
@@ -98,6 +105,10 @@ const EstimatorRecord& EstimatorCore::record() noexcept {
   records_.update();
   renew_.store(true, std::memory_order_relaxed);
   return records_.front();
+}
+
+const JointSample* EstimatorCore::sample() noexcept {
+  return samples_.update() ? &samples_.front() : nullptr;
 }
 
 const EstimatorAnswer& EstimatorCore::handle(const sensor_msgs::JointState& message, double now) noexcept {
@@ -155,12 +166,22 @@ void EstimatorCore::answer(const sensor_msgs::JointState& message, double now) n
   const ros::Time& stamp = message.header.stamp;
   if (stamp.isZero()) return withhold(Withheld::no_stamp);
 
+  q_ = map_.q(), dq_ = map_.dq(), tau_ = map_.tau();
+  sample_.t = stamp.toSec();
+  sample_.q = q_, sample_.dq = dq_, sample_.tau = tau_;
+  samples_.publish(sample_);
+  options_.reading.apply(q_, dq_, tau_);
+  if (options_.reading.without_gravity()) {
+    gravity(estimator_.model().rigid_body(), ws_, q_, gravity_);
+    tau_ += gravity_;
+  }
+
   const double dt = started_ ? seconds_between(last_time_, stamp) : 0.0;
   started_ = true;
   last_time_ = stamp;
   const Estimate<>& estimate = options_.zero_acceleration
-                                   ? estimator_.step(dt, map_.q(), map_.dq(), map_.tau(), no_acceleration_)
-                                   : estimator_.step(dt, map_.q(), map_.dq(), map_.tau());
+                                   ? estimator_.step(dt, q_, dq_, tau_, no_acceleration_)
+                                   : estimator_.step(dt, q_, dq_, tau_);
   const Status status = answer_.status = estimate.status;
   EstimatorRecord::Window& window = record_.window;
   if (dt > 0.0 && !has(status, Status::gap)) {
@@ -178,9 +199,9 @@ void EstimatorCore::answer(const sensor_msgs::JointState& message, double now) n
   window.oldest = std::max(window.oldest, age);
 
   if (has(status, Status::bad_input)) {
-    int joint = first_not_finite(map_.q());
-    if (joint < 0) joint = first_not_finite(map_.dq());
-    if (joint < 0) joint = first_not_finite(map_.tau());
+    int joint = first_not_finite(q_);
+    if (joint < 0) joint = first_not_finite(dq_);
+    if (joint < 0) joint = first_not_finite(tau_);
     return withhold(Withheld::bad_value, joint);
   }
   if (has(status, Status::time_went_back)) return withhold(Withheld::time_went_back);
@@ -202,7 +223,7 @@ void EstimatorCore::express_wrench() noexcept {
   frames_.update();
   const WrenchFrame& frame = frames_.front();
   if (!frame.known) return;
-  forward_kinematics(estimator_.model().rigid_body(), ws_, map_.q(), poses_);
+  forward_kinematics(estimator_.model().rigid_body(), ws_, q_, poses_);
   const Eigen::Isometry3d pose =
       frame.link < 0 ? frame.pose : poses_[static_cast<std::size_t>(frame.link)] * frame.pose;
   const Eigen::Vector3d arm = poses_.back().translation() - pose.translation();
@@ -213,7 +234,7 @@ void EstimatorCore::express_wrench() noexcept {
 }
 
 void EstimatorCore::watch_rest(double dt) noexcept {
-  if (!(map_.dq().cwiseAbs().maxCoeff() < at_rest)) {
+  if (!(dq_.cwiseAbs().maxCoeff() < at_rest)) {
     record_.rest_time = 0.0;
     return;
   }

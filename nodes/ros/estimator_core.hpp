@@ -13,6 +13,8 @@
 
 #include "dynid/estimation/torque_estimator.hpp"
 #include "ros/joint_map.hpp"
+#include "ros/message_reading.hpp"
+#include "ros/reading_watch.hpp"
 
 namespace dynid {
 
@@ -71,6 +73,7 @@ struct EstimatorRecord {
 
 struct EstimatorCoreOptions {
   TorqueEstimatorOptions estimator;
+  MessageReading reading;                  ///< of the messages, before anything else
   bool zero_acceleration = false;          ///< in place of the estimated one
   double longest_age = 0.5;                ///< [s] of a message, 0: any
   bool wrench_near_singularities = false;  ///< give it, damped, there too
@@ -97,6 +100,8 @@ class EstimatorCore {
   void reset() noexcept { reset_.store(true, std::memory_order_release); }  ///< before the next message
   /// The newest record. Its window is renewed after the next message.
   const EstimatorRecord& record() noexcept;
+  /// The newest message that had all joints, as it stands; null where there was none since the last call.
+  const JointSample* sample() noexcept;
 
   const std::vector<std::string>& joints() const noexcept { return map_.joints(); }
 
@@ -108,6 +113,7 @@ class EstimatorCore {
   static double settling_time(const TorqueEstimatorOptions& options);
 
   JointMap map_;
+  Eigen::VectorXd q_, dq_, tau_, gravity_;  // of the message, as they are read
   EstimatorCoreOptions options_;
   TorqueEstimator<> estimator_;
   Workspace<> ws_;
@@ -115,11 +121,13 @@ class EstimatorCore {
   Eigen::VectorXd no_acceleration_;
   TripleBuffer<WrenchFrame> frames_;
   TripleBuffer<EstimatorRecord> records_;
+  TripleBuffer<JointSample> samples_;
   std::atomic<bool> reset_{false}, renew_{false};
   std::atomic<double> settling_;  // [s]
 
   EstimatorAnswer answer_;
   EstimatorRecord record_;
+  JointSample sample_;
   bool started_ = false;      // last_time_ is known
   ros::Time last_time_;       // stamp of the last message that reached the estimator
   double since_start_ = 0.0;  // [s] since the estimator last started

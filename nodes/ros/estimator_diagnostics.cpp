@@ -165,4 +165,19 @@ void EstimatorDiagnostics::frames(Wrapper& status, const EstimatorFrames& frames
   status.add("wrench frame", frames.wrench_text());
 }
 
+void EstimatorDiagnostics::reading(Wrapper& status, const ReadingWatch& watch, bool assumed, double window) {
+  if (assumed)
+    status.summary(Level::OK, "read as assumed");
+  else if (!watch.text().empty())
+    status.summary(Level::ERROR, watch.text());
+  else if (watch.asked())
+    status.summary(Level::OK, "the messages say nothing against being read as they stand");
+  else
+    status.summary(Level::OK, window > 0.0 ? "not enough motion yet" : "not asked");
+  for (const Convention& c : watch.report().conventions) {
+    status.addf(c.name + ": explained as it stands [%]", "%.0f", 100.0 * c.explained_before);
+    status.addf(c.name + ": explained so [%]", "%.0f", 100.0 * c.explained_after);
+  }
+}
+
 }  // namespace dynid

@@ -6,10 +6,11 @@
 #include "ros/estimator_core.hpp"
 #include "ros/estimator_frames.hpp"
 #include "ros/estimator_setup.hpp"
+#include "ros/reading_watch.hpp"
 
 namespace dynid {
 
-/// The four statuses of torque_estimator_node in /diagnostics. A status speaks of the time since the one
+/// The five statuses of torque_estimator_node in /diagnostics. A status speaks of the time since the one
 /// before; its counts are from the start.
 class EstimatorDiagnostics {
  public:
@@ -31,6 +32,8 @@ class EstimatorDiagnostics {
                     const std::string& trouble);
   /// Where gravity and the frame of the wrench come from.
   static void frames(Wrapper& status, const EstimatorFrames& frames);
+  /// Whether the messages mean what the model takes them to mean. window [s]: of the watch.
+  static void reading(Wrapper& status, const ReadingWatch& watch, bool assumed, double window);
 
  private:
   std::string joint(int index) const;

@@ -101,11 +101,24 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   setup.frames.gravity_frame = parameters.text("gravity_frame", "world");
   setup.frames.wrench_frame = parameters.text("wrench_frame", "");
   setup.payload = read_estimator_payload(parameters);
+  if (const std::string assume = parameters.text("assume", ""); !assume.empty()) {
+    try {
+      const Assumptions assumed = parse_stream_assumptions(assume, n);
+      setup.core.reading = MessageReading(assumed, robot);
+      if (assumed.gravity && setup.frames.gravity)
+        throw Error("gravity: ~gravity is given too: leave one of them out");
+      if (assumed.gravity) setup.frames.gravity = assumed.gravity;
+    } catch (const Error& error) {
+      parameters.refuse("assume", error.what());
+    }
+    setup.assumed = true;
+  }
 
   setup.topic = parameters.text("topic", "joint_states");
   setup.queue = static_cast<int>(parameters.number("queue", 20.0, {1.0, 1000.0}));
   setup.silence = parameters.number("silence", 0.5, {0.0, 3600.0, true});
   setup.tf_period = parameters.number("tf_period", 1.0, {0.01, 3600.0});
+  setup.reading_window = parameters.number("reading_window", 60.0, {0.0, 3600.0});
   setup.diagnostic_period = parameters.number("diagnostic_period", 1.0, {0.05, 3600.0});
   return setup;
 }

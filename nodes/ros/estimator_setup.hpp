@@ -27,11 +27,13 @@ struct EstimatorSetup {
   EstimatorCoreOptions core;
   EstimatorFramesOptions frames;
   LinkInertia payload;
+  bool assumed = false;            ///< the messages are read as ~assume says
   std::string topic;               ///< of the joint states
   int queue = 0;                   ///< of the subscription and of what is published
   double silence = 0.0;            ///< [s] without a message that is an error
   double tf_period = 0.0;          ///< [s]
   double diagnostic_period = 0.0;  ///< [s]
+  double reading_window = 0.0;     ///< [s] of a ReadingWatch
 };
 
 /// Throws Error, one line that begins with the parameter's full name.

@@ -104,7 +104,9 @@ std::string diagnose_line(const IdentificationSettings& s, const std::string& lo
 std::string misread_text(const ConventionReport& report) {
   std::string text;
   for (const Convention& c : report.conventions) text += (text.empty() ? "" : "; ") + c.text;
-  return text.empty() ? text : text + ": give ~assume " + report.assume + " (or auto)";
+  if (text.empty()) return text;
+  for (const std::string& other : report.equivalents) text += " (or it is " + other + ", no log can tell)";
+  return text + ": give ~assume " + report.assume;
 }
 
 std::string file_in_folder(const IdentificationSettings& settings, const std::string& name) {

@@ -101,6 +101,8 @@ nlohmann::json data_json(const Diagnosis& d) {
   nlohmann::json data = to_json(d.logs);
   data["answerable"] = answerable_json(d.answerable);
   data["conventions"] = conventions_json(d.conventions);
+  data["equivalent_readings"] = d.conventions.equivalents;
+  data["undecided_readings"] = d.conventions.undecided;
   data["logs"] = nlohmann::json::array();
   for (const PreparedLog& log : d.logs)
     data["logs"].push_back({{"log", log.source},

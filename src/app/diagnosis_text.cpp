@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <ostream>
 
+#include "app/words.hpp"
 #include "dynid/app/text.hpp"
 #include "dynid/base/text.hpp"
 
@@ -27,6 +28,9 @@ void print(std::ostream& out, const DiagnoseReport& report) {
     out << "  " << (applied ? "read as assumed: " : "") << c.text << " (the model explains "
         << std::lround(100.0 * c.explained_before) << " % of it as it stands, "
         << std::lround(100.0 * c.explained_after) << " % so)\n";
+  for (const std::string& other : d.conventions.equivalents)
+    out << "  (the log does not tell this from " << other << ")\n";
+  if (!d.conventions.undecided_text.empty()) out << "  note: " << d.conventions.undecided_text << "\n";
   if (!applied) {
     out << "Next: " << d.next.text << "\n";
     return;
@@ -47,6 +51,8 @@ void print(std::ostream& out, const DiagnoseReport& report) {
       const int digits = p.value.cwiseAbs().maxCoeff() < 1e5 ? 4 : 13;  // a stamp counts from 1970
       out << "    " << p.key << " " << in_a_row(p.value, digits) << " [" << p.unit << "]\n";
     }
+    if (const std::string place = detail::payload_place(report.nominal, e.effect); !place.empty())
+      out << "    " << place << "\n";
   }
   if (!d.effects.empty())
     out << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low << " to "

@@ -94,6 +94,8 @@ nlohmann::json to_json(const IdentifyReport& report) {
   }
   if (!id.friction.empty()) result["friction_laws"] = comparison_json(id.friction);
   result["data"]["conventions"] = conventions_json(report.conventions);
+  result["data"]["equivalent_readings"] = report.conventions.equivalents;
+  result["data"]["undecided_readings"] = report.conventions.undecided;
   result["remarks"] = nlohmann::json::array();
   for (const Remark& r : id.remarks)
     result["remarks"].push_back(

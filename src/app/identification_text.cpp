@@ -34,6 +34,9 @@ void print_conventions(std::ostream& out, const ConventionReport& report, bool a
   for (const Convention& c : report.conventions)
     out << (applied ? "Read as assumed: " : "Warning: ") << c.text
         << (applied ? "" : ": give --assume " + report.assume) << "\n";
+  for (const std::string& other : report.equivalents)
+    out << "  (the log does not tell this from " << other << ")\n";
+  if (!report.undecided_text.empty()) out << "Note: " << report.undecided_text << "\n";
 }
 
 }  // namespace

@@ -289,6 +289,10 @@ std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
   view["figures"] = figures_view(json_of, worst.empty() ? 0 : worst.front());
   view["answerable"] = answerable_view(json_of);
   view["answerable"]["assume"] = diagnosis.conventions.assume;
+  view["answerable"]["equivalents"] = json::array();
+  for (const std::string& other : diagnosis.conventions.equivalents)
+    view["answerable"]["equivalents"].push_back({{"assume", other}});
+  view["answerable"]["undecided"] = diagnosis.conventions.undecided_text;
   view["answerable"]["runner_up"] = diagnosis.conventions.runner_up;
   view["answerable"]["runner_up_explained"] = page_percent(diagnosis.conventions.runner_up_explained);
   add_effects_view(json_of, view);

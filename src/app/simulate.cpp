@@ -3,6 +3,7 @@
 
 #include "app/check.hpp"
 #include "app/job.hpp"
+#include "app/words.hpp"
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
@@ -76,6 +77,8 @@ SimulateReport run(const SimulateJob& job, const Context& context) {
   const auto rows = double(report.run.t.size());
   for (const Eigen::MatrixXd& added : report.run.injected)
     report.effect_rms.emplace_back((added.colwise().squaredNorm() / rows).cwiseSqrt().transpose());
+  for (const Effect& effect : report.run.truth.effects)
+    if (report.payload.empty()) report.payload = detail::payload_place(robot, effect);
   report.tracking_error = largest_tracking_error(report.run, motion);
   context.check();
   return report;

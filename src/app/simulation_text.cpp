@@ -23,6 +23,7 @@ void print(std::ostream& out, const SimulateReport& report, const std::string& w
   for (std::size_t k = 0; k < report.effect_rms.size(); ++k)
     out << "  " << report.run.truth.effects[k].name << ", rms [N m]  " << in_a_row(report.effect_rms[k], 3)
         << "\n";
+  if (!report.payload.empty()) out << "  payload: " << report.payload << "\n";
 }
 
 void print(std::ostream& out, const std::vector<EffectSchema>& effects) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 
 #include "conventions_search.hpp"
@@ -65,6 +66,19 @@ bool only_last_zero(const Reading& r, const Reading& plain) {
          r.position_unit == 1.0 && !r.without_gravity && !r.magnitude && !r.turned_gravity;
 }
 
+std::string undecided_sentence(const ConventionReport& report, double explained) {
+  char figures[96];
+  std::snprintf(figures, sizeof figures,
+                "the model explains %.0f %% of the torques as the log stands, and %.0f %%",
+                100.0 * std::max(report.explained, 0.0), 100.0 * explained);
+  std::string text = std::string(figures) + " where it is read with --assume " + report.undecided.front();
+  for (std::size_t k = 1; k < report.undecided.size() && k < 3; ++k)
+    text += " (or " + report.undecided[k] + ")";
+  return text +
+         ", but a body that the arm carries, or other masses than the model's, would do the same: the log "
+         "cannot tell which";
+}
+
 /// The two say the same of motion and gravity, and make the torques about as large.
 bool nearly_same(const Reading& a, const Reading& b) {
   const auto torque = [](const Reading& r) { return r.torque_sign.cwiseProduct(r.factor).eval(); };
@@ -78,6 +92,46 @@ bool leads(const std::vector<ReadingCandidate>& found, double least) {
   for (std::size_t k = 1; k < found.size(); ++k)
     if (!nearly_same(found[0].reading, found[k].reading)) return found[k].score - found[0].score > least;
   return true;
+}
+
+/// Readings that would be misreadings but that what the arm carries explains the log as well, or that another
+/// reading of a single joint does. `found`: best first.
+std::vector<const ReadingCandidate*> undecided(const std::vector<ReadingCandidate>& found,
+                                               const ReadingCandidate& bare, const ReadingCandidate& loaded,
+                                               const std::vector<bool>& clipped,
+                                               const ConventionOptions& options) {
+  std::vector<const ReadingCandidate*> out;
+  const bool one = bare.left.size() == 1;
+  for (const ReadingCandidate& c : found) {
+    if (c.score > found.front().score + options.most_further) break;
+    if (c.score > loaded.score + options.most_further) continue;
+    const ReadingGain g = gain_of(bare.left, c.left, clipped, options);
+    if (g.weight == 0.0 || g.spoils || !(g.before < options.most_before)) continue;
+    if (g.after > (one ? options.least_after_alone : options.least_after) &&
+        g.gain > std::log(one ? options.least_gain_alone : options.least_gain))
+      out.push_back(&c);
+  }
+  return out;
+}
+
+/// The reading without those parts that the log does not bear out, the rest being so: of what a part
+/// concerns, the model has to explain most with it, and to do better with it than without. A wrist whose
+/// model is poor takes any zero that helps it a little.
+ReadingCandidate needed_parts(ConventionSearch& search, ReadingCandidate c, const std::vector<bool>& clipped,
+                              const ConventionOptions& options) {
+  for (;;) {
+    const std::vector<Reading> simpler = search.without_a_part(c.reading);
+    if (simpler.size() < 2) return c;
+    std::optional<ReadingCandidate> best;
+    for (const Reading& r : simpler) {
+      ReadingCandidate rest = search.judged_loaded(r);
+      const ReadingGain g = gain_of(rest.left, c.left, clipped, options);
+      if (rest.score > c.score && g.weight > 0.0 && g.after > options.most_before) continue;
+      if (!best || rest.score < best->score) best = std::move(rest);
+    }
+    if (!best) return c;
+    c = std::move(*best);
+  }
 }
 
 /// `found`: best first.
@@ -113,6 +167,8 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
   const ReadingCandidate* best = nullptr;
   double before = 0.0, after = 0.0;
   std::optional<ConventionSearch> search;
+  std::vector<ReadingCandidate> everything;  // those with no other zero than the last joint's too
+  std::vector<const ReadingCandidate*> open;
   if (model) {
     search.emplace(nominal, rows, options);
     plain = search->plain();
@@ -129,20 +185,28 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
       for (std::size_t k = 0; k < std::min(found.size(), options.tried_again); ++k)
         found[k] = search->with_payload(found[k]);
       found.resize(std::min(found.size(), options.tried_again));
-      found.erase(std::remove_if(found.begin(), found.end(),
-                                 [&](const ReadingCandidate& c) { return only_last_zero(c.reading, plain); }),
-                  found.end());
+      const auto last_zeros =
+          std::stable_partition(found.begin(), found.end(),
+                                [&](const ReadingCandidate& c) { return !only_last_zero(c.reading, plain); });
+      everything.assign(last_zeros, found.end());
+      found.erase(last_zeros, found.end());
       search->sort();
+      everything.insert(everything.end(), found.begin(), found.end());
+      std::stable_sort(
+          everything.begin(), everything.end(),
+          [](const ReadingCandidate& a, const ReadingCandidate& b) { return a.score < b.score; });
+      if (!everything.empty()) open = undecided(everything, search->before(), as_is, clipped, options);
       if (!found.empty()) {
+        found.front() = needed_parts(*search, found.front(), clipped, options);
         best = &found.front();
         const ReadingGain g = gain_of(as_is.left, best->left, clipped, options);
         before = g.before, after = g.after;
-        fire = is_misreading(g, found, options);
+        fire = search->needs_body(*best) && is_misreading(g, found, options);
       }
     }
   }
   if (fire) {
-    report.conventions = conventions_of(best->reading, nominal, kinematics);
+    report.conventions = conventions_of(best->reading, nominal, kinematics, search->felt(best->reading));
   } else if (kinematics.time_unit != 1.0 || kinematics.velocity_unit != 1.0 || kinematics.unrelated) {
     Reading as_is = model ? plain : Reading{};
     if (!model) {
@@ -153,6 +217,15 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
       as_is.time_unit = kinematics.time_unit;
     }
     report.conventions = conventions_of(as_is, nominal, kinematics);
+  }
+  if (!fire && !open.empty()) {
+    for (const ReadingCandidate* c : open) {
+      const std::string assume = joined(conventions_of(c->reading, nominal, kinematics));
+      const auto& list = report.undecided;
+      if (std::find(list.begin(), list.end(), assume) == list.end()) report.undecided.push_back(assume);
+    }
+    report.undecided_text =
+        undecided_sentence(report, 1.0 - open.front()->left.cwiseMin(options.worst).mean());
   }
   for (Convention& c : report.conventions) {
     const bool of_motion = c.name == "time_unit" || c.name == "velocity_unit";
@@ -167,6 +240,13 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
       report.runner_up = assume;
       report.runner_up_explained = 1.0 - c.left.cwiseMin(options.worst).mean();
       break;
+    }
+    for (const ReadingCandidate& c : search->found()) {
+      if (c.reading.complexity > best->reading.complexity + options.most_further) continue;
+      const std::string assume = joined(conventions_of(c.reading, nominal, kinematics));
+      if (assume == report.assume || assume.empty() || !search->equivalent(best->reading, c.reading))
+        continue;
+      report.equivalents.push_back(assume);
     }
   }
   return report;

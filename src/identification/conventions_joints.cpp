@@ -180,6 +180,72 @@ void ConventionSearch::try_free_zeros(const Reading& base) {
   }
 }
 
+std::vector<Reading> ConventionSearch::without_a_part(const Reading& r) const {
+  std::vector<Reading> out;
+  const auto add = [&](Reading simpler, double cost) {
+    simpler.complexity -= cost;
+    out.push_back(std::move(simpler));
+  };
+  const Eigen::VectorXd torque = r.torque_sign.cwiseProduct(r.sign);
+  const bool all_turned = (torque.array() < 0.0).all();
+  for (int j = 0; j < n_; ++j) {
+    Reading simpler = r;
+    if (r.zero[j] != 0.0) {
+      simpler.zero[j] = 0.0;
+      add(simpler, 0.5);
+      simpler = r;
+    }
+    if (r.sign[j] < 0.0) {
+      simpler.sign[j] = 1.0;
+      simpler.torque_sign[j] = -r.torque_sign[j];
+      add(simpler, 0.3);
+      simpler = r;
+    }
+    if (torque[j] < 0.0 && !all_turned) {
+      simpler.torque_sign[j] = -r.torque_sign[j];
+      add(simpler, 0.3);
+    }
+  }
+  std::vector<bool> seen(static_cast<std::size_t>(n_), false);
+  for (int j = 0; j < n_; ++j) {
+    if (seen[static_cast<std::size_t>(j)] || r.order[static_cast<std::size_t>(j)] == j) continue;
+    Reading simpler = r;
+    for (int k = j; !seen[static_cast<std::size_t>(k)]; k = r.order[static_cast<std::size_t>(k)]) {
+      seen[static_cast<std::size_t>(k)] = true;
+      simpler.order[static_cast<std::size_t>(k)] = k;
+    }
+    add(simpler, 0.4);
+  }
+  Reading simpler = r;
+  if (all_turned) {
+    simpler.torque_sign = r.sign;
+    add(simpler, 0.4);
+    simpler = r;
+  }
+  if (r.position_unit != 1.0) {
+    simpler.position_unit = 1.0;
+    add(simpler, 0.5);
+    simpler = r;
+  }
+  if (!r.factor.isOnes(0.0)) {
+    simpler.factor.setOnes();
+    simpler.unit_of_torque = false;
+    add(simpler, 0.4);
+    simpler = r;
+  }
+  if (r.magnitude) {
+    simpler.magnitude = false;
+    add(simpler, 0.5);
+    simpler = r;
+  }
+  if (r.without_gravity || r.turned_gravity) {
+    simpler.without_gravity = simpler.turned_gravity = false;
+    simpler.gravity = robot_.gravity;
+    add(simpler, 0.4);
+  }
+  return out;
+}
+
 void ConventionSearch::refine(Reading& r) {
   double score = quick(mid_, r);
   for (double step = 7.5 * degree_of_angle; step > 0.1 * degree_of_angle; step *= 0.5) {

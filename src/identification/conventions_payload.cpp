@@ -54,13 +54,22 @@ ReadingCandidate ConventionSearch::with_payload(const ReadingCandidate& from) {
       if (factors) {
         double correlation = 0.0;
         const double a = full_.scale(r.order[j], j, loaded, correlation);
-        if (correlation * correlation > 0.5 && std::abs(a) > 0.0) r.factor[j] = 1.0 / std::abs(a);
+        if (correlation * correlation > options_.least_felt && std::abs(a) > 0.0)
+          r.factor[j] = 1.0 / std::abs(a);
       }
       out.left[j] = left_of(r, j, loaded);
     }
   }
   out.score = evidence(out.left) + r.complexity + options_.payload_cost;
   return out.score < from.score ? out : from;
+}
+
+ReadingCandidate ConventionSearch::judged_loaded(const Reading& reading) {
+  const Eigen::MatrixXd T = torque_of(full_, reading, reading.gravity);
+  ReadingCandidate c{reading, Eigen::VectorXd(n_), 0.0};
+  for (int j = 0; j < n_; ++j) c.left[j] = left_of(reading, j, T);
+  c.score = evidence(c.left) + reading.complexity;
+  return with_payload(c);
 }
 
 Eigen::Matrix<double, 10, 1> ConventionSearch::physical_fit(Eigen::Matrix<double, 10, 10> H,

@@ -41,6 +41,34 @@ void ConventionSearch::run(const Reading& base) {
   for (const Reading& r : bases) try_free_zeros(r);
 }
 
+Eigen::MatrixXd ConventionSearch::said_by(const Reading& r) {
+  const Eigen::MatrixXd T = torque_of(full_, r, r.gravity);
+  Eigen::MatrixXd out(T.rows(), n_);
+  for (int j = 0; j < n_; ++j) out.col(r.order[j]) = r.torque_sign[j] / r.factor[j] * T.col(j);
+  if (r.magnitude) out = out.cwiseAbs().eval();
+  return out;
+}
+
+std::vector<bool> ConventionSearch::felt(const Reading& r) {
+  const Eigen::MatrixXd T = torque_of(full_, r, r.gravity);
+  std::vector<bool> out;
+  for (int j = 0; j < n_; ++j) {
+    double correlation = 0.0;
+    full_.scale(r.order[j], j, T, correlation);
+    out.push_back(correlation * correlation > options_.least_felt);
+  }
+  return out;
+}
+
+bool ConventionSearch::equivalent(const Reading& a, const Reading& b) {
+  Eigen::MatrixXd apart = said_by(a) - said_by(b);
+  for (int k = 0; k < n_; ++k) {
+    full_.project(k, apart.col(k));
+    if (apart.col(k).squaredNorm() > options_.model_error * full_.energy(k)) return false;
+  }
+  return true;
+}
+
 void ConventionSearch::sort() {
   std::stable_sort(found_.begin(), found_.end(),
                    [](const ReadingCandidate& a, const ReadingCandidate& b) { return a.score < b.score; });
@@ -114,8 +142,10 @@ ReadingCandidate ConventionSearch::judged(const Reading& r, const Eigen::MatrixX
 }
 
 bool ConventionSearch::needs_body(const ReadingCandidate& c) const {
-  for (int j = 0; j < n_; ++j)
-    if (c.left[j] < options_.least_part * full_.bodyless(c.reading.order[j])) return true;
+  for (int j = 0; j < n_; ++j) {
+    const double without = full_.bodyless(c.reading.order[j]);
+    if (without > options_.model_error && c.left[j] < options_.least_part * without) return true;
+  }
   // A body without gravity is a rotor by another name, but for its size: it has to be right on every joint,
   // nothing of it being fitted.
   if (!c.reading.without_gravity || !c.reading.factor.isOnes(0.0)) return false;
@@ -127,7 +157,7 @@ bool ConventionSearch::needs_body(const ReadingCandidate& c) const {
 }
 
 void ConventionSearch::keep(const ReadingCandidate& c) {
-  if (c.score >= before_.score || !needs_body(c)) return;
+  if (c.score >= before_.score || !(needs_body(c) || lost_gravity(c.reading))) return;
   found_.push_back(c);
   if (found_.size() > 400) {
     sort();
@@ -137,7 +167,7 @@ void ConventionSearch::keep(const ReadingCandidate& c) {
 
 bool ConventionSearch::settled() {
   sort();
-  return !found_.empty() && found_.front().left.maxCoeff() < 0.1;
+  return !found_.empty() && found_.front().left.maxCoeff() < options_.settled;
 }
 
 void ConventionSearch::add_signs(const Reading& r, const Eigen::MatrixXd& T, bool some_joints) {
@@ -181,14 +211,14 @@ void ConventionSearch::add_factors(const Reading& r, const Eigen::MatrixXd& T) {
     const double a = full_.scale(r.order[j], j, T, weight[j]);
     sign[j] = a < 0.0 ? -1.0 : 1.0;
     factor[j] = 1.0 / std::max(std::abs(a), 1e-12);
-    if (weight[j] * weight[j] > 0.5) known.push_back(factor[j]);
+    if (weight[j] * weight[j] > options_.least_felt) known.push_back(factor[j]);
   }
   if (known.empty()) return;
   std::sort(known.begin(), known.end());
   const double median = known[known.size() / 2];
   if (median < options_.least_factor) return;
   for (int j = 0; j < n_; ++j) {
-    if (weight[j] * weight[j] > 0.5) continue;
+    if (weight[j] * weight[j] > options_.least_felt) continue;
     factor[j] = median;
     sign[j] = 1.0;
   }
@@ -225,11 +255,17 @@ bool ConventionSearch::turned_gravity(const Reading& r, const Eigen::MatrixXd& w
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(H);
     const double largest = axes.eigenvalues()[2];
     if (!(largest > 1e-9)) return false;
-    // A direction that no joint feels stays out.
-    Eigen::Vector3d solution = Eigen::Vector3d::Zero();
-    for (int i = 0; i < 3; ++i)
+    // Along a direction that no joint feels, gravity is what its size leaves, on the model's side.
+    Eigen::Vector3d solution = Eigen::Vector3d::Zero(), unseen = Eigen::Vector3d::Zero();
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d axis = axes.eigenvectors().col(i);
       if (axes.eigenvalues()[i] > 1e-4 * largest)
-        solution += axes.eigenvectors().col(i) * (axes.eigenvectors().col(i).dot(b) / axes.eigenvalues()[i]);
+        solution += axis * (axis.dot(b) / axes.eigenvalues()[i]);
+      else
+        unseen += axis * axis.dot(robot_.gravity);
+    }
+    const double rest = size * size - solution.squaredNorm();
+    if (rest > 0.0 && unseen.norm() > 1e-3 * size) solution += std::sqrt(rest) * unseen.normalized();
     g = solution;
   }
   if (std::abs(g.norm() / size - 1.0) > options_.gravity_tolerance) return false;

@@ -57,8 +57,22 @@ class ConventionSearch {
   /// The same reading of an arm that carries a payload, of any size that can exist: the physical explanation
   /// that comes nearest to another reading, and what hides one. Factors of joints are fitted with it.
   ReadingCandidate with_payload(const ReadingCandidate& from);
+  /// The reading without one of its parts, each in turn: a joint's zero or sign, a cycle of the order, ...
+  std::vector<Reading> without_a_part(const Reading& reading) const;
+  /// What a reading explains, with whatever the arm may carry.
+  ReadingCandidate judged_loaded(const Reading& reading);
+  /// The rigid body has a part in what it explains, on one joint at least: where friction and rotor inertia
+  /// do alone, any reading that makes the body's torque small would do.
+  bool needs_body(const ReadingCandidate& c) const;
+  /// n: whether the torque of a joint shows its own factor, under a reading.
+  std::vector<bool> felt(const Reading& reading);
+  /// The nominal robot would have made the log say the same under both, to within what nominal models are off
+  /// by: no one can tell the two apart on this log.
+  bool equivalent(const Reading& a, const Reading& b);
 
  private:
+  /// rows x n: what the log's columns would say of the nominal rigid body, read so.
+  Eigen::MatrixXd said_by(const Reading& r);
   Eigen::VectorXd rotor_bounds(const Robot& robot, const SpreadRows& rows) const;
   /// The log's torque of joint j under the reading; T: the model's, whose sign a magnitude gets.
   Eigen::VectorXd measured(const Reading& r, int j, const Eigen::MatrixXd& T) const;
@@ -68,9 +82,10 @@ class ConventionSearch {
   /// The evidence against a reading that leaves `left` of each joint unexplained: less is better.
   double evidence(const Eigen::VectorXd& left) const;
   ReadingCandidate judged(const Reading& r, const Eigen::MatrixXd& T) const;
-  /// The rigid body has a part in what it explains, on one joint at least: where friction and rotor inertia
-  /// do alone, any reading that makes the body's torque small would do.
-  bool needs_body(const ReadingCandidate& c) const;
+  /// A single joint whose torque has no gravity in it: what every reading of it has to be told from.
+  static bool lost_gravity(const Reading& r) {
+    return r.sign.size() == 1 && r.without_gravity && r.factor.isOnes(0.0) && r.position_unit == 1.0;
+  }
   void keep(const ReadingCandidate& c);
   /// A reading good enough that more elaborate ones need no trial.
   bool settled();
@@ -130,9 +145,10 @@ struct VelocityReading {
 };
 VelocityReading compare_velocity(const SpreadRows& rows);
 
-/// The conventions of a reading, in the order in which they are applied.
+/// The conventions of a reading, in the order in which they are applied. felt: n, whether the torque of a
+/// joint shows its own factor.
 std::vector<Convention> conventions_of(const Reading& reading, const Robot& robot,
-                                       const VelocityReading& velocity);
+                                       const VelocityReading& velocity, const std::vector<bool>& felt = {});
 /// The text for parse_assumptions().
 std::string joined(const std::vector<Convention>& conventions);
 

@@ -41,7 +41,8 @@ bool near_factor(double a, double b) { return std::abs(std::log(a / b)) < 0.25; 
 
 }  // namespace
 
-std::vector<Convention> conventions_of(const Reading& r, const Robot& robot, const VelocityReading& k) {
+std::vector<Convention> conventions_of(const Reading& r, const Robot& robot, const VelocityReading& k,
+                                       const std::vector<bool>& felt) {
   const int n = robot.size();
   std::vector<Convention> out;
   const auto add = [&](const char* name, std::vector<int> joints, double value, const std::string& assume,
@@ -61,15 +62,14 @@ std::vector<Convention> conventions_of(const Reading& r, const Robot& robot, con
   if (!moved.empty())
     add("joint_order", moved, double(moved.size()), order,
         "the log's joints stand in another order: base to tip they are its " + order);
-  if (r.position_unit != 1.0)
-    add("position_unit", {}, r.position_unit, "deg", "positions are in degree_of_angles");
+  if (r.position_unit != 1.0) add("position_unit", {}, r.position_unit, "deg", "positions are in degrees");
   if (k.unrelated) {
     add("velocity_unit", {}, 0.0, "from_position", "the velocities are not those of the positions");
   } else {
     // Against positions and stamps as they are now read.
     const double unit = k.velocity_unit * r.position_unit * (k.time_unit / r.time_unit);
     if (near_factor(unit, degree_of_angle))
-      add("velocity_unit", {}, degree_of_angle, "deg/s", "velocities are in degree_of_angles a second");
+      add("velocity_unit", {}, degree_of_angle, "deg/s", "velocities are in degrees a second");
     else if (near_factor(unit, 2.0 * (180.0 * degree_of_angle) / 60.0))
       add("velocity_unit", {}, 2.0 * (180.0 * degree_of_angle) / 60.0, "rpm",
           "velocities are in turns a minute");
@@ -112,9 +112,14 @@ std::vector<Convention> conventions_of(const Reading& r, const Robot& robot, con
     } else {
       const bool one = (r.factor.array() == f).all();
       const bool gear = median >= gear_not_constant;
-      add(gear ? "torque_is_motor_side" : "torque_is_current", {}, median,
-          one ? number(f) : list(r.factor, 5),
-          gear ? "torques are on the motor's side of the gears" : "torques are motor currents");
+      std::vector<int> told, others;
+      for (std::size_t j = 0; j < felt.size(); ++j)
+        (felt[j] ? told : others).push_back(static_cast<int>(j) + 1);
+      std::string text = gear ? "torques are on the motor's side of the gears" : "torques are motor currents";
+      if (!told.empty() && !others.empty())
+        text += " (joint " + joints_text(others) + " hardly feels the arm: the factor there is the others')";
+      add(gear ? "torque_is_motor_side" : "torque_is_current", others.empty() ? std::vector<int>{} : told,
+          median, one ? number(f) : list(r.factor, 5), text);
     }
   }
   if (r.magnitude)

@@ -114,6 +114,74 @@ TEST_F(CommandLine, BadUsageIsOneLineAndTwo) {
   }
 }
 
+// The same log in twelve dialects, under one name: not a byte of the model may depend on how it was written.
+TEST_F(CommandLine, TwelveDialectsOfALogGiveOneModel) {
+  const Table table = read_table(log_file());
+  const std::vector<std::string> usual = table.names;
+  struct Dialect {
+    const char *separator, *end, *before, *q, *dq, *tau, *t;
+    char point = '.';
+    bool quoted = false, from_zero = false, reversed = false;
+  };
+  const std::vector<Dialect> dialects = {
+      {",", "\n", "", "q", "dq", "tau", "t"},
+      {";", "\n", "", "q", "dq", "tau", "t"},
+      {";", "\r\n", "", "q", "dq", "tau", "t", ','},
+      {"\t", "\n", "", "q_", "dq_", "tau_", "time"},
+      {" ", "\n", "# ", "Q", "DQ", "TAU", "T"},
+      {",", "\r\n", "\xEF\xBB\xBF", "position_", "velocity_", "torque_", "timestamp"},
+      {",", "\n", "", "q", "qd", "effort", "t", '.', false, true},
+      {",", ",\n", "", "q[", "dq[", "tau[", "t", '.', false, true},
+      {",", "\n", "", "q", "dq", "tau", "t", ',', true},
+      {",", "\n", "sep=,\n", "q", "dq", "tau", "t", '.', false, false, true},
+      {" ", "\n", "", "actual_q_", "actual_qd_", "actual_current_as_torque_", "timestamp", '.', false, true},
+      {",", "\n", "# recorded at noon\n", "/joint_states/panda_joint#/position",
+       "/joint_states/panda_joint#/velocity", "/joint_states/panda_joint#/effort", "__time"},
+  };
+  std::string first;
+  for (std::size_t d = 0; d < dialects.size(); ++d) {
+    const Dialect& x = dialects[d];
+    const auto field = [&](std::string text) {
+      for (char& c : text)
+        if (c == '.') c = x.point;
+      return x.quoted ? "\"" + text + "\"" : text;
+    };
+    const auto heading = [&](const std::string& name) {
+      if (name == "t") return std::string(x.t);
+      const auto digits = name.find_first_of("0123456789");
+      const std::string role = name.substr(0, digits);
+      const std::string number = std::to_string(std::stoi(name.substr(digits)) - (x.from_zero ? 1 : 0));
+      std::string text = role == "q" ? x.q : role == "dq" ? x.dq : x.tau;
+      if (const auto at = text.find('#'); at != std::string::npos) return text.replace(at, 1, number);
+      return text + number + (text.back() == '[' ? "]" : "");
+    };
+    std::vector<std::size_t> order(usual.size());
+    for (std::size_t k = 0; k < order.size(); ++k) order[k] = x.reversed ? order.size() - 1 - k : k;
+    std::string text = x.before;
+    for (std::size_t k = 0; k < order.size(); ++k)
+      text += (k ? x.separator : "") +
+              (x.quoted ? "\"" + heading(usual[order[k]]) + "\"" : heading(usual[order[k]]));
+    text += x.end;
+    char number[40];
+    for (Eigen::Index i = 0; i < table.values.rows(); ++i) {
+      for (std::size_t k = 0; k < order.size(); ++k) {
+        std::snprintf(number, sizeof number, "%.17g", table.values(i, static_cast<Eigen::Index>(order[k])));
+        text += (k ? x.separator : "") + field(number);
+      }
+      text += x.end;
+    }
+    write("run.csv", text);
+    ASSERT_EQ(run("identify --robot " + panda() + " --log " + path("run.csv") + " --cutoff 10 --out " +
+                  path("m.yaml") + " --quiet"),
+              0)
+        << "dialect " << d << ": " << error_;
+    const std::string model = read_file(path("m.yaml"));
+    if (d == 0) first = model;
+    EXPECT_EQ(model, first) << "dialect " << d;
+  }
+  EXPECT_EQ(dialects.size(), 12u);
+}
+
 TEST_F(CommandLine, IdentifyWritesAModelThatTorquePredictsWith) {
   const std::string log = log_file();
   ASSERT_EQ(run("identify --robot " + panda() + " --log " + log + " --cutoff 10 --out " + path("m.yaml") +

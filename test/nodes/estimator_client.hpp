@@ -107,7 +107,7 @@ class EstimatorClient {
     }
     return count;
   }
-  /// `input`, `output`, `model` or `frames`.
+  /// `input`, `output`, `model`, `frames` or `reading`.
   Diagnostic diagnostic(const std::string& task) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto at = diagnostics_.find(task);

@@ -191,6 +191,7 @@ TEST_F(EstimatorNode, AnswersWithTheStampOfTheMessage) {
   EXPECT_EQ(model.values.at("physically consistent"), "yes");
   EXPECT_NE(heard.parameters.find("dynid-model-1"), std::string::npos);
   EXPECT_EQ(node_->diagnostic("frames").level, ok);
+  EXPECT_EQ(node_->diagnostic("reading").level, ok);
 }
 
 TEST_F(EstimatorNode, ReportsRateAndComputeTime) {
@@ -583,6 +584,12 @@ TEST_F(EstimatorNode, ParameterOutOfRange) {
   expect("bridge: must be less than longest_gap", model + "_bridge:=0.5");
   expect("payload/mass: -2 is not in [0, 1000]", model + "_payload/mass:=-2");
   expect("queue: 0 is not in [1, 1000]", model + "_queue:=0");
+  expect("assume: auto: a single sample", model + "_assume:=auto");
+  expect("assume: torque_sign: 3 values given, 7 needed (or one for all)",
+         model + "_assume:=torque_sign=1,1,-1");
+  expect("assume: joint_order: joints are found by name", model + "_assume:=joint_order=2,1,3,4,5,6,7");
+  expect("assume: gravity: ~gravity is given too",
+         model + "_assume:=gravity=9.81,0,0 _gravity:=\"[0,0,-9.81]\"");
   ros::param::set("/broken/gain", std::vector<double>{1.0, 2.0});
   expect("gain: 1 value or 7 needed, not 2", model);
   ros::param::set("/broken/contact_threshold", std::vector<double>{1, 2, 3, 4, 5, 6, 0});

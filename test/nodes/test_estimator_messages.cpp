@@ -14,10 +14,14 @@
 #include <random>
 #include <thread>
 
+#include "dynid/base/error.hpp"
+#include "dynid/dynamics/gravity.hpp"
 #include "nodes/arm.hpp"
 #include "ros/estimator_core.hpp"
 #include "ros/estimator_diagnostics.hpp"
 #include "ros/estimator_frames.hpp"
+#include "ros/message_reading.hpp"
+#include "ros/reading_watch.hpp"
 
 namespace dynid {
 namespace {
@@ -140,6 +144,112 @@ TEST_F(Messages, LostMessagesAreCounted) {
   m.header.seq = 0;  // another publisher
   handle(m);
   EXPECT_EQ(core_.record().dropped, 10u);
+}
+
+/// The message as someone with other habits would have sent it: read as `a` says, it is `m` again.
+JointState misread(const Assumptions& a, const Robot& robot, JointState m) {
+  const Model<> model(robot);
+  Workspace<> ws(model);
+  const Eigen::VectorXd q = Eigen::Map<const Eigen::VectorXd>(m.position.data(), robot.size());
+  Eigen::VectorXd g(robot.size());
+  gravity(model, ws, q, g);
+  for (int j = 0; j < robot.size(); ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    const double sign = a.joint_sign.size() ? a.joint_sign[j] : 1.0;
+    if (a.without_gravity) m.effort[i] -= g[j];
+    m.effort[i] *= sign * (a.torque_sign.size() ? a.torque_sign[j] : 1.0) /
+                   (a.torque_factor.size() ? a.torque_factor[j] : 1.0);
+    m.position[i] = (m.position[i] - (a.zero.size() ? a.zero[j] : 0.0)) * sign / a.position_unit;
+    m.velocity[i] *= sign / a.velocity_unit;
+  }
+  return m;
+}
+
+TEST_F(Messages, ReadAsAssumedAreAnsweredAsThoseMeantSo) {
+  for (const char* text :
+       {"torque_sign=-1", "joint_sign=1,-1,1,1,-1,1,1", "joint_zero=0,1.5707963,0,-1.5707963,0,0,3.1415926",
+        "position_unit=deg,velocity_unit=deg/s", "torque_unit=Nmm",
+        "torque_is_motor_side=100,100,80,80,50,50,50", "torque_without_gravity=1",
+        "position_unit=deg,velocity_unit=deg/s,joint_sign=-1,joint_zero=0,0,0,1.5707963,0,0,0,torque_sign=-1,"
+        "torque_without_gravity=1"}) {
+    const Assumptions a = parse_stream_assumptions(text, 7);
+    EstimatorCoreOptions options;
+    options.reading = MessageReading(a, panda());
+    EXPECT_TRUE(options.reading.changes()) << text;
+    EstimatorCore other(TorqueModel<>(panda()), joints(), options);
+    for (int k = 0; k < 400; ++k) {
+      const JointState& m = next();
+      const EstimatorAnswer& right = handle(m);
+      const EstimatorAnswer& read = other.handle(misread(a, panda(), m), time_);
+      if (k < 200) continue;
+      ASSERT_EQ(read.withheld, right.withheld) << text;
+      ASSERT_LT((read.estimate->residual - right.estimate->residual).norm(), 1e-6) << text;
+      ASSERT_LT((read.estimate->tau_model - right.estimate->tau_model).norm(), 1e-6) << text;
+    }
+  }
+  EXPECT_FALSE(MessageReading(parse_stream_assumptions("gravity=9.81,0,0", 7), panda()).changes());
+}
+
+TEST(MessageReading, RefusesWhatNoSampleCanBeReadWith) {
+  for (const auto& [text, part] : std::vector<std::pair<std::string, std::string>>{
+           {"auto", "auto: a single sample"},
+           {"time_unit=ms", "time_unit: the stamps of messages are in seconds"},
+           {"joint_order=2,1,3,4,5,6,7", "joint_order: joints are found by name"},
+           {"velocity_unit=from_position", "velocity_unit: from_position"},
+           {"torque_is_magnitude=1", "torque_is_magnitude: "},
+           {"colour=red", "colour: unknown"}}) {
+    std::string message = "no error";
+    try {
+      MessageReading(parse_stream_assumptions(text, 7), panda());
+    } catch (const Error& error) {
+      message = error.what();
+    }
+    EXPECT_NE(message.find(part), std::string::npos) << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  }
+}
+
+/// Samples of an arm in motion for `duration` [s], read wrong as `text` says; what the watch says of them.
+std::string watched(const std::string& text, double duration, double window) {
+  test::Arm arm(panda());
+  arm.amplitude = 0.8;
+  const Assumptions a = parse_stream_assumptions(text, 7);
+  ReadingWatch watch(7, window);
+  const auto vector = [](const std::vector<double>& x) {
+    return Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(x.data(), 7));
+  };
+  for (int k = 0; k < duration * 250.0; ++k) {
+    const double t = 0.004 * k;
+    const JointState m = misread(a, panda(), arm.at(t));
+    watch.add({1000.0 + t, vector(m.position), vector(m.velocity), vector(m.effort)});
+    watch.ask(panda());
+  }
+  EXPECT_EQ(watch.asked(), window > 0.0 && duration > 0.25 * window);
+  return watch.text();
+}
+
+TEST(ReadingWatch, SaysWhatTheMessagesMean) {
+  EXPECT_EQ(watched("", 70.0, 60.0), "");
+  const std::string turned = watched("torque_sign=-1", 20.0, 60.0);
+  EXPECT_NE(turned.find("give ~assume torque_sign=-1"), std::string::npos) << turned;
+  EXPECT_EQ(turned.find('\n'), std::string::npos);
+  const std::string degrees = watched("position_unit=deg,velocity_unit=deg/s", 20.0, 60.0);
+  EXPECT_NE(degrees.find("position_unit=deg,velocity_unit=deg/s"), std::string::npos) << degrees;
+  EXPECT_EQ(watched("torque_sign=-1", 10.0, 60.0), "");
+  EXPECT_EQ(watched("torque_sign=-1", 70.0, 0.0), "");
+}
+
+TEST(ReadingWatch, StartsAnewWhereTimeGoesBackAndLeavesOutWhatIsNoNumber) {
+  ReadingWatch watch(1, 40.0);
+  const auto one = [](double x) { return Eigen::VectorXd::Constant(1, x); };
+  for (int k = 0; k <= 9; ++k) watch.add({double(k), one(0.1 * k), one(0.1), one(1.0)});
+  EXPECT_FALSE(watch.due());
+  watch.add({10.5, one(nan), one(0.1), one(1.0)});
+  EXPECT_FALSE(watch.due());
+  watch.add({10.5, one(1.0), one(0.1), one(1.0)});
+  EXPECT_TRUE(watch.due());
+  watch.add({3.0, one(1.0), one(0.1), one(1.0)});
+  EXPECT_FALSE(watch.due());
 }
 
 TEST_F(Messages, ResetForgets) {

@@ -35,7 +35,9 @@ struct SimulateReport {
   unsigned long seed = 1;
   double noise = 0.0, rate = 0.0, spread = 0.0;
   std::vector<Eigen::VectorXd> effect_rms;  ///< n [N m] each, of run.truth.effects, in their order
-  Eigen::VectorXd tracking_error;           ///< n [rad or m], the largest
+  /// Where the centre of mass of a payload is, from the flange and in the last link's frame; empty: none.
+  std::string payload;
+  Eigen::VectorXd tracking_error;  ///< n [rad or m], the largest
   double seconds = 0.0;
 };
 

@@ -34,6 +34,14 @@ struct ConventionReport {
   double explained = 0.0;               ///< by the model as the log stands, mean over the joints
   std::string runner_up;  ///< the next best reading, as a text for parse_assumptions(); may be empty
   double runner_up_explained = 0.0;
+  /// Other readings, for parse_assumptions(), under which the model would have made the log say the same:
+  /// what moves alike, as a mirror image, cannot be told apart.
+  std::vector<std::string> equivalents;
+  /// Nothing is found, but these readings would explain the log where the model as it stands does not, and so
+  /// would a body that the arm carries, or one another: texts for parse_assumptions(), the best first.
+  std::vector<std::string> undecided;
+  /// One sentence on it, for a person; empty where there is none.
+  std::string undecided_text;
 };
 
 struct ConventionOptions {
@@ -76,13 +84,22 @@ struct ConventionOptions {
   double least_part = 0.3;
   /// The same where the body is as good as a rotor, and only its size speaks for it: twice the model's error.
   double most_bare = 0.06;
+  /// Left of every joint's energy at most: no more elaborate reading is tried, as none could be told to be
+  /// better: the model's error.
+  double settled = 0.03;
+  /// Square of the correlation between a joint's torque and the model's, friction apart, from where on the
+  /// factor of its unit is its own; below it is taken from the others'.
+  double least_felt = 0.5;
   double dip = 0.05;          ///< of the largest torque, below zero: smoothed magnitudes dip where they turn
   double least_factor = 3.0;  ///< between a torque's gain, which is an effect, and a unit or side of a gear
   double least_mounting = 0.35;    ///< [rad] 20 deg, below it a tilt, which is an effect
   double snap_gravity = 0.14;      ///< [rad] 8 deg to an axis of the base: mountings are square
   double gravity_tolerance = 0.4;  ///< of its size, relative: a payload draws the fit away
-  double payload_cost = 1.0;       ///< of a payload beside a reading
-  std::size_t tried_again = 16;    ///< best readings that are tried with a payload too
+  /// An equivalent reading is said where it is hardly less simple than the best one, in the same measure: a
+  /// reading and another that no torque shows are equivalent too.
+  double most_further = 0.5;
+  double payload_cost = 1.0;     ///< of a payload beside a reading
+  std::size_t tried_again = 16;  ///< best readings that are tried with a payload too
 };
 
 /// Asks whether logs mean what a model takes them to mean, before any effect is sought. At some hundred
