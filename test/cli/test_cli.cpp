@@ -182,6 +182,48 @@ TEST_F(CommandLine, TwelveDialectsOfALogGiveOneModel) {
   EXPECT_EQ(dialects.size(), 12u);
 }
 
+// What people have: a model whose damping is a simulator's placeholder, and a log with another sign or other
+// zeros.
+TEST_F(CommandLine, ATurnedLogAndAPlaceholderDampingAreBothNamed) {
+  Robot plant = test::panda();
+  for (Joint& joint : plant.joints) joint.friction = {};
+  Robot model = plant;
+  for (Joint& joint : model.joints) joint.friction.linear.viscous = 1.0;
+  write_model(path("plant.yaml"), {plant, {}, ""});
+  write_model(path("model.yaml"), {model, {}, ""});
+  ASSERT_EQ(run("simulate --model " + path("plant.yaml") +
+                " --excite --duration 12 --rate 200 --seed 41 --spread 0.01 " + "--out " + path("right.csv")),
+            0)
+      << error_;
+  const Table right = read_table(path("right.csv"));
+  Table turned = right, moved = right;
+  for (std::size_t k = 0; k < right.names.size(); ++k) {
+    const auto column = static_cast<Eigen::Index>(k);
+    if (right.names[k].rfind("tau", 0) == 0) turned.values.col(column) *= -1.0;
+    if (right.names[k] == "q2") moved.values.col(column).array() -= 1.570796327;
+    if (right.names[k] == "q4") moved.values.col(column).array() += 1.570796327;
+  }
+  write_table(path("turned.csv"), turned.names, turned.values);
+  write_table(path("moved.csv"), moved.names, moved.values);
+  const std::pair<const char*, const char*> cases[] = {
+      {"turned.csv", "torque_sign=-1"}, {"moved.csv", "joint_zero=0,1.570796327,0,-1.570796327,0,0,0"}};
+  for (const auto& [log, assume] : cases) {
+    const std::string command =
+        "diagnose --model " + path("model.yaml") + " --log " + path(log) + " --json " + path("d.json");
+    EXPECT_EQ(run(command), 1) << "misread";
+    EXPECT_NE(out_.find("--assume " + std::string(assume)), std::string::npos) << out_;
+    EXPECT_NE(error_.find("damping is 1 on every joint: a placeholder"), std::string::npos) << error_;
+    EXPECT_EQ(nlohmann::json::parse(read_file(path("d.json")))["verdict"], "misread");
+    ASSERT_EQ(run(command + " --assume auto"), 0) << error_;
+    const auto json = nlohmann::json::parse(read_file(path("d.json")));
+    ASSERT_FALSE(json["effects"].empty()) << out_;
+    EXPECT_EQ(json["effects"][0]["name"], "viscous_friction") << out_;
+    for (const double x : json["effects"][0]["parameters"]["coefficient"]["value"]) EXPECT_NEAR(x, -1.0, 0.1);
+    ASSERT_EQ(run("identify --robot " + path("model.yaml") + " --log " + path(log)), 0) << error_;
+    EXPECT_NE(out_.find("give --assume " + std::string(assume)), std::string::npos) << out_;
+  }
+}
+
 TEST_F(CommandLine, IdentifyWritesAModelThatTorquePredictsWith) {
   const std::string log = log_file();
   ASSERT_EQ(run("identify --robot " + panda() + " --log " + log + " --cutoff 10 --out " + path("m.yaml") +
