@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/diagnose.hpp"
 
+#include <filesystem>
 #include <iostream>
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
+#include "dynid/app/fleet.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/model/model_warning.hpp"
 #include "dynid/model/yaml.hpp"
+#include "dynid/retrieval/mpi.hpp"
 
 namespace dynid {
 namespace {
@@ -19,7 +24,7 @@ struct Arguments {
   RobotOption model;
   LogOption input;
   std::vector<std::string> logs, withhold;
-  std::string assume, reference, calibration, patch, report, next_trajectory;
+  std::string assume, reference, calibration, patch, report, next_trajectory, fleet, folder;
   DiagnoseOptions options;
 };
 
@@ -48,6 +53,56 @@ std::string command_line(const Arguments& a) {
   return command.line();
 }
 
+/// The folder of a fleet's diagnoses, where none is named: beside the table, until all are done.
+std::string usual_folder(const std::string& table) { return table + ".diagnoses"; }
+
+std::string fleet_command_line(const Arguments& a) {
+  std::string line = command_line(a);
+  const std::string none = " --log";
+  line.replace(line.find(none), none.size(), " --fleet " + shell_quoted(a.fleet));
+  if (!a.folder.empty()) line += " --folder " + shell_quoted(a.folder);
+  return line;
+}
+
+int run_fleet(const Arguments& a, const DiagnoseJob& each) {
+  if (!a.patch.empty() || !a.next_trajectory.empty())
+    throw Error("diagnose: --patch and --next-trajectory are of one robot, not of a --fleet");
+  const MpiRanks ranks;
+  const bool first = ranks.rank() == 0;
+  Output output = a.output;
+  if (!first) output.quiet = true;
+  output.check({a.report});
+  Output silent = output;
+  silent.quiet = true;
+  FleetJob job;
+  job.members = read_fleet(a.fleet);
+  job.each = each;
+  const ModelFile model = a.model.read(silent);
+  job.each.nominal = model.robot;
+  if (!a.reference.empty()) job.each.reference = a.input.read(a.reference, model.robot);
+  job.read = [&](const std::string& path) { return a.input.read(path, model.robot); };
+  job.folder = a.folder.empty() ? usual_folder(a.fleet) : a.folder;
+  Arguments what = a;  // where it is written to does not change it
+  what.report.clear();
+  what.folder.clear();
+  job.inputs = std::string(DYNID_VERSION) + " " + fleet_command_line(what) + "\n" + to_yaml(model);
+  job.rank = ranks.rank();
+  job.ranks = ranks.ranks();
+  job.gather = [&](std::vector<std::string>& texts) { ranks.gather(texts); };
+  Progress progress(output);
+  const FleetReport report = run(job, progress.context());
+  const int status = report.succeeded() ? 0 : 1;
+  if (!first) return status;
+  if (!a.report.empty()) write_file(a.report, report.html(fleet_command_line(a), DYNID_VERSION));
+  output.write(to_json(report));
+  std::error_code kept;  // what remains is of no harm
+  if (a.folder.empty() && report.succeeded()) std::filesystem::remove_all(job.folder, kept);
+  if (!output.summary()) return status;
+  print(std::cout, report);
+  if (!a.report.empty()) std::cout << "Report: " << a.report << "\n";
+  return status;
+}
+
 int run(const Arguments& a) {
   DiagnoseJob job;
   job.options = a.options;
@@ -59,6 +114,9 @@ int run(const Arguments& a) {
     calibration = read_calibration(a.calibration);
     job.options.calibration = &calibration;
   }
+  if (a.logs.empty() == a.fleet.empty()) throw Error("diagnose: --log or --fleet is needed, one of them");
+  if (!a.fleet.empty()) return run_fleet(a, job);
+  if (!a.folder.empty()) throw Error("diagnose: --folder goes with --fleet");
   a.output.check({a.patch, a.report, a.next_trajectory});
   Output silent = a.output;
   silent.quiet = true;
@@ -94,8 +152,18 @@ void add_diagnose(CLI::App& app, int& status) {
   a->model.add_to(*command, "--model");
   a->model.allow_inconsistent = true;
   command->add_option("--log", a->logs, "Logs of the robot (CSV); of several, the last only judges")
-      ->required()
       ->type_name("FILE...");
+  command
+      ->add_option(
+          "--fleet", a->fleet,
+          "Instead of --log: a table (CSV: robot, log, log2...) of many robots of this model; one JSON "
+          "and one page for all. Begun again after a stop, it goes on where it was")
+      ->type_name("TABLE");
+  command
+      ->add_option(
+          "--folder", a->folder,
+          "Of a fleet: keeps each robot's diagnosis, for the next run (TABLE.diagnoses until all are done)")
+      ->type_name("FOLDER");
   command->add_option("--reference", a->reference, "Log of the healthy robot: says how far the model is off")
       ->type_name("FILE");
   a->input.add_to(*command);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "app/compared.hpp"
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
@@ -42,30 +43,6 @@ ComparedEffect effect_of(const json& x) {
     effect.parameters.push_back({key, p.at("unit").get<std::string>(), numbers(p.at("value")),
                                  numbers(p.at("low")), numbers(p.at("high"))});
   return effect;
-}
-
-ComparedDiagnosis diagnosis_of(const CompareJob::Entry& entry) {
-  const json x = json::parse(entry.json, nullptr, false);
-  const std::string remedy = ": expected what dynid diagnose --json writes, ";
-  if (x.is_discarded()) throw Error(entry.name + remedy + "which is JSON");
-  if (!x.is_object() || x.value("format", json()) != "dynid-diagnosis-1")
-    throw Error(entry.name + remedy + "with format: dynid-diagnosis-1");
-  try {
-    ComparedDiagnosis d;
-    d.name = entry.name;
-    d.verdict = x.at("verdict").get<std::string>();
-    const json& gap = x.at("gap");
-    d.rms = numbers(gap.at("rms"));
-    d.floor = numbers(gap.at("floor"));
-    d.unit = gap.at("unit").get<std::vector<std::string>>();
-    if (d.floor.size() != d.rms.size() || static_cast<Eigen::Index>(d.unit.size()) != d.rms.size())
-      throw Error(entry.name + ": gap: rms, floor and unit are not of as many joints");
-    for (const json& effect : x.at("effects")) d.effects.push_back(effect_of(effect));
-    if (!d.effects.empty()) d.shrink = number(x.at("shrink").at("fraction"));
-    return d;
-  } catch (const json::exception& error) {
-    throw Error(entry.name + remedy + "whole: " + error.what());
-  }
 }
 
 void check_alike(const ComparedDiagnosis& a, const ComparedDiagnosis& b) {
@@ -157,6 +134,34 @@ void find_changes(CompareReport& report, std::size_t to) {
 
 }  // namespace
 
+namespace detail {
+
+ComparedDiagnosis compared(const CompareJob::Entry& entry) {
+  const json x = json::parse(entry.json, nullptr, false);
+  const std::string remedy = ": expected what dynid diagnose --json writes, ";
+  if (x.is_discarded()) throw Error(entry.name + remedy + "which is JSON");
+  if (!x.is_object() || x.value("format", json()) != "dynid-diagnosis-1")
+    throw Error(entry.name + remedy + "with format: dynid-diagnosis-1");
+  try {
+    ComparedDiagnosis d;
+    d.name = entry.name;
+    d.verdict = x.at("verdict").get<std::string>();
+    const json& gap = x.at("gap");
+    d.rms = numbers(gap.at("rms"));
+    d.floor = numbers(gap.at("floor"));
+    d.unit = gap.at("unit").get<std::vector<std::string>>();
+    if (d.floor.size() != d.rms.size() || static_cast<Eigen::Index>(d.unit.size()) != d.rms.size())
+      throw Error(entry.name + ": gap: rms, floor and unit are not of as many joints");
+    for (const json& effect : x.at("effects")) d.effects.push_back(effect_of(effect));
+    if (!d.effects.empty()) d.shrink = number(x.at("shrink").at("fraction"));
+    return d;
+  } catch (const json::exception& error) {
+    throw Error(entry.name + remedy + "whole: " + error.what());
+  }
+}
+
+}  // namespace detail
+
 void check_options(const CompareJob& job) {
   if (job.diagnoses.size() < 2)
     throw OptionError("diagnoses", std::to_string(job.diagnoses.size()) + " given: two or more are needed");
@@ -167,7 +172,7 @@ CompareReport run(const CompareJob& job, const Context& context) {
   CompareReport report;
   for (const CompareJob::Entry& entry : job.diagnoses) {
     context.check();
-    report.diagnoses.push_back(diagnosis_of(entry));
+    report.diagnoses.push_back(detail::compared(entry));
     for (const ComparedDiagnosis& other : report.diagnoses) check_alike(other, report.diagnoses.back());
   }
   const std::size_t count = report.diagnoses.size();

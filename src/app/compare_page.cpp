@@ -16,12 +16,6 @@ namespace {
 using nlohmann::json;
 using namespace detail;
 
-const char* tone(const std::string& verdict) {
-  if (verdict == "no_gap" || verdict == "explained") return "good";
-  if (verdict == "partly_explained") return "warn";
-  return verdict == "not_detected" ? "calm" : "bad";
-}
-
 /// The largest gap of all joints and diagnoses, in units of its floor: what the longest bar stands for.
 double largest(const CompareReport& report) {
   double most = 1.0;
@@ -138,7 +132,7 @@ std::string CompareReport::html(const std::string& command, const std::string& v
   for (const ComparedDiagnosis& d : diagnoses)
     columns.push_back({{"name", d.name},
                        {"verdict", capitalised(with_spaces(d.verdict))},
-                       {"tone", tone(d.verdict)},
+                       {"tone", verdict_tone(d.verdict)},
                        {"shrink", d.shrink ? page_percent(std::max(0.0, *d.shrink)) : "\u2013"}});
   const json joints = joints_view(*this), found = effects_view(*this);
   return rendered_page("compare", {{"sentence", sentence(*this)},

@@ -26,7 +26,7 @@ constexpr Role roles[] = {{"#000001", "--rule", 1},   {"#000002", "--grid", 2}, 
                           {"#000007", "--ink", 7}};
 constexpr const char *rule = roles[0].colour, *grid = roles[1].colour, *soft = roles[2].colour,
                      *before_colour = roles[3].colour, *after_colour = roles[4].colour,
-                     *floor_colour = roles[5].colour, *ink = roles[6].colour;
+                     *floor_colour = roles[5].colour;
 
 /// A number for gnuplot, and a line of data.
 std::string plain(double x) { return short_number(x, 5); }

@@ -45,4 +45,10 @@ std::string joints_in_words(const std::vector<int>& joints, Eigen::Index of) {
   return std::string(joints.size() > 1 ? "joints " : "joint ") + list_in_words(parts);
 }
 
+const char* verdict_tone(const std::string& verdict) {
+  if (verdict == "no_gap" || verdict == "explained") return "good";
+  if (verdict == "partly_explained") return "warn";
+  return verdict == "not_detected" ? "calm" : "bad";
+}
+
 }  // namespace dynid::detail

@@ -19,6 +19,8 @@ std::string page_percents(double low, double high);
 std::string page_angle(double x);
 /// `0.97`, `>0.99`, `<0.01`.
 std::string page_probability(double p);
+/// Colour of a badge, as the pages' style names it, for a verdict's word.
+const char* verdict_tone(const std::string& verdict);
 /// `joint 4`, `joints 2 and 4`; empty for all `of`.
 std::string joints_in_words(const std::vector<int>& joints, Eigen::Index of);
 

@@ -15,6 +15,7 @@
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/excite.hpp"
 #include "dynid/app/export.hpp"
+#include "dynid/app/fleet.hpp"
 #include "dynid/app/friction.hpp"
 #include "dynid/app/identify.hpp"
 #include "dynid/app/info.hpp"
@@ -42,6 +43,7 @@ nlohmann::json to_json(const ExciteReport& report);
 nlohmann::json to_json(const SimulateReport& report);
 nlohmann::json to_json(const DiagnoseReport& report);
 nlohmann::json to_json(const CompareReport& report);
+nlohmann::json to_json(const FleetReport& report);
 nlohmann::json to_json(const BlindReport& report);
 nlohmann::json to_json(const ExportReport& report);
 nlohmann::json to_json(const DemoReport& report);

@@ -36,13 +36,13 @@ void by_blocks(const GapRows& rows, Split& out) {
 
 }  // namespace
 
-std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard) {
+std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index apart) {
   std::vector<bool> keep(static_cast<std::size_t>(rows.size()));
   const auto mine = [&](Eigen::Index i) { return (static_cast<long>(rows.t[i] / seconds) % 2 == 1) == odd; };
   for (Eigen::Index i = 0; i < rows.size(); ++i) {
     bool inside = mine(i);
-    for (Eigen::Index k = std::max<Eigen::Index>(0, i - guard);
-         inside && k <= std::min(rows.size() - 1, i + guard); ++k)
+    for (Eigen::Index k = std::max<Eigen::Index>(0, i - apart);
+         inside && k <= std::min(rows.size() - 1, i + apart); ++k)
       inside = mine(k);
     keep[static_cast<std::size_t>(i)] = inside;
   }

@@ -16,8 +16,8 @@ constexpr double block_rows = 25.0, within_rows = 10.0;
 inline double block_length(const GapRows& rows) { return block_rows * rows.period(); }
 inline double within_length(const GapRows& rows) { return within_rows * rows.period(); }
 
-/// Rows in every other block of `seconds`, with a guard of `guard` rows before and after each change.
-std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index guard);
+/// Rows in every other block of `seconds`, `apart` rows from each change.
+std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index apart);
 
 /// What chooses and fits, and what only judges: of several logs the last judges, of one every other block.
 struct Split {

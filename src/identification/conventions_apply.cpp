@@ -142,7 +142,9 @@ Assumptions parse_assumptions(const std::string& text, int n) {
   Assumptions a;
   std::map<std::string, bool> seen;
   bool factor_given = false;
-  for (const auto& [key, values] : entries) {
+  for (const auto& entry : entries) {
+    const auto& key = entry.first;
+    const auto& values = entry.second;
     if (seen[key]) refuse(key, "given twice");
     seen[key] = true;
     const auto factor = [&](const Eigen::VectorXd& f) {

@@ -91,11 +91,26 @@ void MpiRanks::share(RetrievalOptions& options) const {
   if (ranks_ > 1) options.gather = [ranks = ranks_](RetrievalReport& report) { gather(report, ranks); };
 }
 
+void MpiRanks::gather(std::vector<std::string>& texts) const {
+  if (ranks_ < 2) return;
+  for (std::string& text : texts) {
+    // Who has it tells the others; one has it, and no more.
+    int owner = text.empty() ? -1 : rank_;
+    MPI_Allreduce(MPI_IN_PLACE, &owner, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+    if (owner < 0) continue;
+    auto size = static_cast<unsigned long>(text.size());
+    MPI_Bcast(&size, 1, MPI_UNSIGNED_LONG, owner, MPI_COMM_WORLD);
+    text.resize(size);
+    MPI_Bcast(text.data(), static_cast<int>(size), MPI_CHAR, owner, MPI_COMM_WORLD);
+  }
+}
+
 #else
 
 MpiRanks::MpiRanks() = default;
 MpiRanks::~MpiRanks() = default;
 void MpiRanks::share(RetrievalOptions&) const {}
+void MpiRanks::gather(std::vector<std::string>&) const {}
 
 #endif
 

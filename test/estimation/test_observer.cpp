@@ -162,7 +162,7 @@ TEST(MomentumObserver, StaysWithinThePushForAnyStep) {
 }
 
 TEST(MomentumObserver, RefusesWhatIsNoGain) {
-  EXPECT_THROW(MomentumObserver<7>(Vector7::Zero()), Error);
+  EXPECT_THROW(MomentumObserver<7>{Vector7::Zero()}, Error);
   EXPECT_THROW(MomentumObserver<7>(Vector7::Constant(-1.0)), Error);
   EXPECT_THROW(MomentumObserver<7>(Vector7::Constant(std::nan(""))), Error);
   EXPECT_THROW(MomentumObserver<7>(Vector7::Ones(), ObserverOrder::second, 0.0), Error);

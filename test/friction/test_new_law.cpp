@@ -27,9 +27,9 @@ struct StribeckFriction {
   double delta = 2.0;           ///< [1]
   double stribeck_scale = 0.0;  ///< [rad/s] of the sign, as in LinearFriction
 
-  static constexpr const char* name = "stribeck";
-  static constexpr const char* equation = "Armstrong-Helouvry 1994";
-  static constexpr const char* formula = "fs exp(-|dq / vs|^delta) sign(dq)";
+  [[maybe_unused]] static constexpr const char* name = "stribeck";
+  [[maybe_unused]] static constexpr const char* equation = "Armstrong-Helouvry 1994";
+  [[maybe_unused]] static constexpr const char* formula = "fs exp(-|dq / vs|^delta) sign(dq)";
   static constexpr bool all_or_none = true;
 
   static constexpr auto parameters() noexcept {

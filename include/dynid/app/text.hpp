@@ -11,6 +11,7 @@
 #include "dynid/app/demo.hpp"
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/excite.hpp"
+#include "dynid/app/fleet.hpp"
 #include "dynid/app/friction.hpp"
 #include "dynid/app/identify.hpp"
 #include "dynid/app/info.hpp"
@@ -36,6 +37,7 @@ void print(std::ostream& out, const TorqueReport& report, const std::string& wri
 void print(std::ostream& out, const ExciteReport& report, const std::string& written_to);
 void print(std::ostream& out, const DiagnoseReport& report);
 void print(std::ostream& out, const CompareReport& report);
+void print(std::ostream& out, const FleetReport& report);
 void print(std::ostream& out, const BlindReport& report);
 void print(std::ostream& out, const DemoReport& report);
 void print(std::ostream& out, const IdentifyServosReport& report);

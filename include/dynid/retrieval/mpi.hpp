@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "dynid/retrieval/retrieval.hpp"
 
 namespace dynid {
@@ -21,6 +24,9 @@ class MpiRanks {
   /// Makes retrieve(problem, options) share its runs among the ranks: every rank calls it alike and gets the
   /// same result, which is that of one process.
   void share(RetrievalOptions& options) const;
+  /// Texts, of which each rank has some and empty ones for the others: every rank gets all. Every rank calls
+  /// it alike.
+  void gather(std::vector<std::string>& texts) const;
 
  private:
   int rank_ = 0;
