@@ -88,11 +88,11 @@ int run_fleet(const Arguments& a, const DiagnoseJob& each) {
   job.inputs = std::string(DYNID_VERSION) + " " + fleet_command_line(what) + "\n" + to_yaml(model);
   job.rank = ranks.rank();
   job.ranks = ranks.ranks();
-  job.gather = [&](std::vector<std::string>& texts) { ranks.gather(texts); };
+  job.gather = [&](std::vector<std::string>& texts) { ranks.gather_texts(texts); };
   Progress progress(output);
   const FleetReport report = run(job, progress.context());
+  if (!first) return 0;  // it is for the first to say; mpirun ends all where one fails
   const int status = report.succeeded() ? 0 : 1;
-  if (!first) return status;
   if (!a.report.empty()) write_file(a.report, report.html(fleet_command_line(a), DYNID_VERSION));
   output.write(to_json(report));
   std::error_code kept;  // what remains is of no harm

@@ -91,7 +91,7 @@ void MpiRanks::share(RetrievalOptions& options) const {
   if (ranks_ > 1) options.gather = [ranks = ranks_](RetrievalReport& report) { gather(report, ranks); };
 }
 
-void MpiRanks::gather(std::vector<std::string>& texts) const {
+void MpiRanks::gather_texts(std::vector<std::string>& texts) const {
   if (ranks_ < 2) return;
   for (std::string& text : texts) {
     // Who has it tells the others; one has it, and no more.
@@ -110,7 +110,7 @@ void MpiRanks::gather(std::vector<std::string>& texts) const {
 MpiRanks::MpiRanks() = default;
 MpiRanks::~MpiRanks() = default;
 void MpiRanks::share(RetrievalOptions&) const {}
-void MpiRanks::gather(std::vector<std::string>&) const {}
+void MpiRanks::gather_texts(std::vector<std::string>&) const {}
 
 #endif
 

@@ -26,7 +26,7 @@ class MpiRanks {
   void share(RetrievalOptions& options) const;
   /// Texts, of which each rank has some and empty ones for the others: every rank gets all. Every rank calls
   /// it alike.
-  void gather(std::vector<std::string>& texts) const;
+  void gather_texts(std::vector<std::string>& texts) const;
 
  private:
   int rank_ = 0;
