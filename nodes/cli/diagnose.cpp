@@ -53,6 +53,20 @@ std::string command_line(const Arguments& a) {
   return command.line();
 }
 
+/// What is odd about the model, on standard error.
+void warn_of(const Robot& model, const Arguments& a) {
+  if (a.output.quiet) return;
+  for (const ModelWarning& warning : check_model(model))
+    std::cerr << "dynid: warning: " << a.model.path << ": " << warning.text << "\n";
+}
+
+/// Which state of a file a kept diagnosis was made with; empty for none.
+std::string state_of(const std::string& path) {
+  if (path.empty()) return "";
+  return std::to_string(std::filesystem::file_size(path)) + " " +
+         std::to_string(std::filesystem::last_write_time(path).time_since_epoch().count()) + "\n";
+}
+
 /// The folder of a fleet's diagnoses, where none is named: beside the table, until all are done.
 std::string usual_folder(const std::string& table) { return table + ".diagnoses"; }
 
@@ -79,13 +93,15 @@ int run_fleet(const Arguments& a, const DiagnoseJob& each) {
   job.each = each;
   const ModelFile model = a.model.read(silent);
   job.each.nominal = model.robot;
+  if (first) warn_of(model.robot, a);
   if (!a.reference.empty()) job.each.reference = a.input.read(a.reference, model.robot);
   job.read = [&](const std::string& path) { return a.input.read(path, model.robot); };
   job.folder = a.folder.empty() ? usual_folder(a.fleet) : a.folder;
   Arguments what = a;  // where it is written to does not change it
   what.report.clear();
   what.folder.clear();
-  job.inputs = std::string(DYNID_VERSION) + " " + fleet_command_line(what) + "\n" + to_yaml(model);
+  job.inputs = std::string(DYNID_VERSION) + " " + fleet_command_line(what) + "\n" + state_of(a.reference) +
+               state_of(a.calibration) + to_yaml(model);
   job.rank = ranks.rank();
   job.ranks = ranks.ranks();
   job.gather = [&](std::vector<std::string>& texts) { ranks.gather_texts(texts); };
@@ -121,9 +137,7 @@ int run(const Arguments& a) {
   Output silent = a.output;
   silent.quiet = true;
   job.nominal = a.model.read(silent).robot;
-  if (!a.output.quiet)
-    for (const ModelWarning& warning : check_model(job.nominal))
-      std::cerr << "dynid: warning: " << a.model.path << ": " << warning.text << "\n";
+  warn_of(job.nominal, a);
   Progress progress(a.output);
   if (!a.reference.empty()) job.reference = a.input.read(a.reference, job.nominal);
   job.logs = read_logs(a.input, a.logs, job.nominal, progress);
