@@ -32,6 +32,7 @@ void run(const ServoJoint& joint, const ServoSeries& s, int substeps, Visit&& vi
           const double x = (k + 0.5) / steps;
           in.inertia = s.inertia[i] + x * (s.inertia[i + 1] - s.inertia[i]);
           in.load = s.load[i] + x * (s.load[i + 1] - s.load[i]);
+          in.gravity = s.gravity[i] + x * (s.gravity[i + 1] - s.gravity[i]);
         }
         state.step(joint, in);
       }
@@ -154,6 +155,12 @@ ServoBounds servo_bounds(ServoParameter p, const ServoProblem& problem) {
       return {true, 1e-9, infinite};
     case ServoParameter::command_lag:
       return {false, 0.0, 10.0 * problem.longest_delay * interval};
+    case ServoParameter::backlash:
+      return {false, 0.0, infinite};
+    case ServoParameter::gravity_compensation:  // none of it to half as much again
+      return {false, 0.0, 1.5};
+    case ServoParameter::spring:  // it holds the joint's own place at least
+      return {false, -0.9, infinite};
   }
   return {};
 }
