@@ -133,7 +133,8 @@ namespace {
 
 /// Shares of the names in the energy explained: the average over all orders in which they may be added.
 std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers, const ServoPayload& payload,
-                                        const Eigen::VectorXd& before) {
+                                        const Eigen::VectorXd& before,
+                                        std::map<std::string, double>& of_a_joint) {
   std::map<std::string, double> shares;
   double sum = 0.0;
   for (std::size_t j = 0; j < answers.size() && payload.present; ++j) {
@@ -154,6 +155,7 @@ std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers,
       energy[s] = motion_energy(a.problem, only(a.problem.nominal, a.fit.x, in)) /
                   (a.problem.floor * a.problem.floor);
     }
+    const double explained = std::max(energy.front() - energy.back(), 1e-300);
     const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };
     for (std::size_t k = 0; k < count; ++k) {
       double share = 0.0;
@@ -165,6 +167,8 @@ std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers,
                  (energy[s] - energy[s | std::size_t{1} << k]);
       }
       share = std::max(0.0, share);
+      double& own = of_a_joint[effect_of(a.effects[k]).name];
+      own = std::max(own, share / explained);
       shares[effect_of(a.effects[k]).name] += share;
       sum += share;
     }
@@ -218,13 +222,14 @@ void pool(ParameterEstimate& p) {
 std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::vector<ServoAnswer>& answers,
                                              const ServoPayload& payload, const Eigen::VectorXd& before,
                                              const ServoCriteria& criteria) {
-  const std::map<std::string, double> shares = shares_of(answers, payload, before);
+  std::map<std::string, double> of_a_joint;
+  const std::map<std::string, double> shares = shares_of(answers, payload, before, of_a_joint);
   std::vector<FoundEffect> out;
   for (const std::string& name : servo_effect_names()) {
     FoundEffect found;
     found.effect.name = name;
     const auto share = shares.find(name);
-    if (share == shares.end() || share->second < criteria.least_share) continue;
+    if (share == shares.end() || of_a_joint[name] < criteria.least_share) continue;
     found.share = share->second;
     double weight = 0.0;
     for (std::size_t j = 0; j < answers.size(); ++j) {

@@ -26,7 +26,7 @@ struct ServoCriteria {
   /// Part by which an effect has to lower the mean loss on each half of the data in turn, when fitted on the
   /// other: a twentieth is what the loss of one log changes by when nothing is missing.
   double least_gain = 0.05;
-  /// A share of the explained gap below this is none.
+  /// A share below this of what is explained on every one of its joints is none.
   double least_share = 0.02;
   /// An effect is named where it is more likely than not.
   double least_probability = 0.5;
