@@ -101,6 +101,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
     again = false;
     const std::vector<double> with = judging_losses(p, a.fit.x, a.fit.width);
     std::size_t worst = 0;
+    std::vector<double> of_class;
     for (std::size_t k = 0; k < a.effects.size(); ++k) {
       const auto w = std::find_if(a.choice.effects.begin(), a.choice.effects.end(),
                                   [&](const WeighedServoEffect& e) { return e.effect == a.effects[k]; });
@@ -110,6 +111,11 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
       const double held_out =
           with.empty() ? 0.5 : borne_out(judging_losses(p, without.x, a.fit.width), with, held_samples);
       a.probability[k] = std::min(tempered(w->gain, w->rivals, criteria.temperature), held_out);
+      // Which of two that look alike is open; that one of them is there need not be.
+      std::vector<std::pair<double, std::string>> unlike;
+      for (const auto& rival : w->rivals)
+        if (rival.first <= -criteria.indistinct) unlike.push_back(rival);
+      of_class.push_back(std::min(tempered(w->gain, unlike, criteria.temperature), held_out));
       std::vector<std::string> aliases;
       for (const char* name : effect_of(a.effects[k]).aliases) aliases.emplace_back(name);
       for (const auto& [difference, name] : w->rivals)
@@ -117,9 +123,9 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
             std::find(aliases.begin(), aliases.end(), name) == aliases.end())
           aliases.push_back(name);
       a.aliases[k] = aliases;
-      if (a.probability[k] < a.probability[worst]) worst = k;
+      if (of_class[k] < of_class[worst]) worst = k;
     }
-    if (a.probability[worst] < criteria.least_probability) {
+    if (of_class[worst] < criteria.least_probability) {
       a.effects.erase(a.effects.begin() + static_cast<std::ptrdiff_t>(worst));
       a.probability.erase(a.probability.begin() + static_cast<std::ptrdiff_t>(worst));
       a.aliases.erase(a.aliases.begin() + static_cast<std::ptrdiff_t>(worst));
