@@ -78,14 +78,20 @@ class ServoDiagnosis {
     if (options_.progress) options_.progress(stage, fraction);
   }
 
+  /// The joint's motion differs by more than noise and tolerance make.
+  bool off(std::size_t joint) const {
+    return std::any_of(d_.where.begin(), d_.where.end(), [&](const GapCell& cell) {
+      return cell.joint == static_cast<int>(joint) + 1 && cell.p_value <= options_.criteria.detection;
+    });
+  }
+
   bool anything_moves() const {
     return std::any_of(answers_.begin(), answers_.end(),
                        [](const ServoAnswer& a) { return a.problem.scale.moves; });
   }
 
   ServoProblemOfJoint whole(int joint) const {
-    return joint_problem(nominal_, joint, series_[static_cast<std::size_t>(joint)], judging_,
-                         options_.tolerance, 0);
+    return joint_problem(nominal_, joint, series_[static_cast<std::size_t>(joint)], judging_, options_, 0);
   }
 
   bool withheld(const char* name) const {
@@ -104,9 +110,9 @@ class ServoDiagnosis {
         [&](const tbb::blocked_range<std::size_t>& range) {
           for (std::size_t j = range.begin(); j != range.end(); ++j) {
             ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_,
-                                                  options_.tolerance, options_.criteria.searched_rows);
+                                                  options_, options_.criteria.searched_rows);
             if (loads != nullptr && payload.present) loads->add(payload, static_cast<int>(j), p);
-            out[j] = search_servo(p, options_.withhold, options_.criteria);
+            out[j] = off(j) ? search_servo(p, options_.withhold, options_.criteria) : no_servo_effect(p);
             const std::lock_guard<std::mutex> lock(mutex);
             ++done;
             say("seeking effects", from + (to - from) * double(done) / double(n));
@@ -121,40 +127,9 @@ class ServoDiagnosis {
     std::optional<PayloadLoads> loads;
     if (body && !withheld("payload")) {
       loads.emplace(nominal_, logs_);
-      std::vector<KnobFit> fits;
-      std::vector<double> samples;
-      std::vector<ServoProblemOfJoint> problems;
-      for (std::size_t j = 0; j < choices.size(); ++j) {
-        // Beside what takes the place of a payload in each joint, a payload would be left nothing to explain.
-        ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_,
-                                              options_.tolerance, options_.criteria.searched_rows);
-        std::vector<int> kept;
-        for (const WeighedServoEffect& w : choices[j].effects) {
-          const Knob k = servo_effects()[static_cast<std::size_t>(w.effect)].free.front();
-          if (k != Knob::bias && k != Knob::gravity_compensation && k != Knob::spring && k != Knob::inertia)
-            kept.push_back(w.effect);
-        }
-        Knobs x = p.nominal;
-        for (const Knob k : freed(kept)) x[at(k)] = choices[j].fit.x[at(k)];
-        fits.push_back(fit_knobs(p, x, freed(kept), RowSet::fit, servo_width(p, choices[j].fit.x),
-                                 choices[j].samples, 8));
-        samples.push_back(choices[j].samples);
-        problems.push_back(std::move(p));
-      }
-      ServoPayload payload = fit_payload(nominal_, *loads, problems, fits, samples);
-      if (payload.present && payload.gain > options_.criteria.effect_gain) {
-        std::vector<ServoChoice> with = search(payload, &*loads, 0.5, 0.8);
-        double gain = -2.0 * std::log(*std::max_element(samples.begin(), samples.end())) -
-                      std::log(double(servo_effects().size()));
-        for (std::size_t j = 0; j < choices.size(); ++j)
-          gain += compared(j, choices[j], with[j], payload, *loads);
-        if (gain > options_.criteria.effect_gain) {
-          payload.gain = gain;
-          payload.probability = tempered(gain, {}, options_.criteria.temperature);
-          payload_ = payload;
-          choices = std::move(with);
-        }
-      }
+      // Alone first: a payload that is all there is leaves its marks on many joints, each with a name of its
+      // own.
+      if (!with_payload(choices, *loads, false)) with_payload(choices, *loads, true);
     }
     say("judging", 0.8);
     for (std::size_t j = 0; j < answers_.size(); ++j) {
@@ -165,11 +140,54 @@ class ServoDiagnosis {
                       [&](std::size_t j) { judge_servo(answers_[j], options_.criteria); });
   }
 
+  /// Seeks a payload by itself, or `beside` those of the joints' effects that it does not take the place of;
+  /// kept with the choices that go with it where the evidence for both together is larger.
+  bool with_payload(std::vector<ServoChoice>& choices, const PayloadLoads& loads, bool beside) {
+    std::vector<KnobFit> fits;
+    std::vector<double> samples;
+    std::vector<ServoProblemOfJoint> problems;
+    for (std::size_t j = 0; j < choices.size(); ++j) {
+      ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
+                                            options_.criteria.searched_rows);
+      std::vector<int> kept;
+      for (const WeighedServoEffect& w : choices[j].effects) {
+        const Knob k = servo_effects()[static_cast<std::size_t>(w.effect)].free.front();
+        if (beside && k != Knob::bias && k != Knob::gravity_compensation && k != Knob::spring &&
+            k != Knob::inertia)
+          kept.push_back(w.effect);
+      }
+      Knobs x = p.nominal;
+      for (const Knob k : freed(kept)) x[at(k)] = choices[j].fit.x[at(k)];
+      fits.push_back(fit_knobs(p, x, freed(kept), RowSet::fit, servo_width(p, x), choices[j].samples, 8));
+      samples.push_back(choices[j].samples);
+      problems.push_back(std::move(p));
+    }
+    ServoPayload payload = fit_payload(nominal_, loads, problems, fits, samples);
+    // What is left with it is smaller: once more, at the width of that.
+    for (std::size_t j = 0; payload.present && j < problems.size(); ++j) {
+      ServoProblemOfJoint loaded = problems[j];
+      loads.add(payload, static_cast<int>(j), loaded);
+      fits[j].width = servo_width(loaded, fits[j].x);
+    }
+    if (payload.present) payload = fit_payload(nominal_, loads, problems, fits, samples, payload);
+    if (!payload.present || payload.gain <= options_.criteria.effect_gain) return false;
+    std::vector<ServoChoice> with = search(payload, &loads, 0.5, 0.8);
+    double gain = -2.0 * std::log(*std::max_element(samples.begin(), samples.end())) -
+                  std::log(double(servo_effects().size()));
+    for (std::size_t j = 0; j < choices.size(); ++j) gain += compared(j, choices[j], with[j], payload, loads);
+    if (gain <= options_.criteria.effect_gain) return false;
+    payload.gain = gain;
+    payload.probability = probability_of(gain, {});
+    payload_ = payload;
+    choices = std::move(with);
+    return true;
+  }
+
   /// Evidence of a joint's set with the payload, less that of its set without: one width, one count.
   double compared(std::size_t j, const ServoChoice& without, const ServoChoice& with,
                   const ServoPayload& payload, const PayloadLoads& loads) const {
-    ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_,
-                                          options_.tolerance, options_.criteria.searched_rows),
+    ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
+                                          options_.criteria.searched_rows),
                         loaded = p;
     loads.add(payload, static_cast<int>(j), loaded);
     const double width = std::min(servo_width(p, without.fit.x), servo_width(loaded, with.fit.x));

@@ -84,6 +84,8 @@ KnobScale knob_scale(const std::vector<ServoSeries>& series) {
         squares += v * v;
         ++moving;
       }
+    out.lowest = std::min(out.lowest, s.q.minCoeff());
+    out.highest = std::max(out.highest, s.q.maxCoeff());
     out.error = std::max(out.error, (s.u - s.q).cwiseAbs().maxCoeff());
     if (s.load.size() == 0) continue;
     load += s.load.squaredNorm();
@@ -98,18 +100,21 @@ KnobScale knob_scale(const std::vector<ServoSeries>& series) {
 }
 
 ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::vector<ServoSeries>& series,
-                                  const std::vector<std::vector<char>>& judging, double tolerance,
-                                  int most_rows) {
+                                  const std::vector<std::vector<char>>& judging,
+                                  const DiagnoseServosOptions& options, int most_rows) {
   ServoProblemOfJoint out;
   out.nominal = knobs_of(nominal, joint);
   out.scale = knob_scale(series);
-  out.tolerance = tolerance;
+  out.tolerance = options.tolerance;
+  out.temperature = options.criteria.temperature;
   out.floor = position_floor(series);
   // Steps that resolve a plain servo of the nominal's frequency, or of one that the sampling shows at best.
   constexpr double fine = 0.1;
   const double fastest =
       std::min(1.0 / std::sqrt(std::max(servo_of(out.nominal).inertia, 1e-300)), 0.5 / out.scale.interval);
-  out.substeps = std::clamp(static_cast<int>(std::ceil(out.scale.interval * fastest / fine)), 2, 4);
+  const int resolved = static_cast<int>(std::ceil(out.scale.interval * fastest / fine));
+  // What is judged is friction's sticking too, which a search may take coarsely.
+  out.substeps = most_rows > 0 ? std::clamp(resolved, 2, 4) : std::clamp(2 * resolved, 6, 12);
   std::size_t fitting = 0;
   for (const std::vector<char>& rows : judging)
     if (std::find(rows.begin(), rows.end(), 0) != rows.end()) ++fitting;

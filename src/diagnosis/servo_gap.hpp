@@ -20,8 +20,8 @@ KnobScale knob_scale(const std::vector<ServoSeries>& series);
 
 /// A joint with whole logs (`most_rows` 0), or with windows of them of so many rows together.
 ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::vector<ServoSeries>& series,
-                                  const std::vector<std::vector<char>>& judging, double tolerance,
-                                  int most_rows);
+                                  const std::vector<std::vector<char>>& judging,
+                                  const DiagnoseServosOptions& options, int most_rows);
 
 /// Fills rms, floor, tolerance, upper, p_value, where of the diagnosis from the motion error `before` of each
 /// log (N x n).

@@ -288,7 +288,7 @@ double independent_samples(const ServoProblemOfJoint& p, const Knobs& x) {
     }
     sum += double(n) / (1.0 + 2.0 * correlated);
   }
-  return std::max(sum, 3.0);
+  return std::max(sum / p.temperature, 3.0);
 }
 
 double log_evidence(const ServoProblemOfJoint& p, const KnobFit& fit, double samples) {

@@ -21,8 +21,9 @@ struct ServoProblemOfJoint {
   std::vector<ServoRows> rows;
   Knobs nominal{};
   KnobScale scale;
-  double tolerance = 0.02;  ///< relative, of the nominal parameters
-  double floor = 0.0;       ///< standard deviation of what no model explains [rad]
+  double tolerance = 0.02;   ///< relative, of the nominal parameters
+  double temperature = 1.0;  ///< ServoCriteria::temperature
+  double floor = 0.0;        ///< standard deviation of what no model explains [rad]
   int substeps = 1;
 };
 
@@ -51,7 +52,7 @@ KnobFit fit_from(const ServoProblemOfJoint& p, const std::vector<Knobs>& starts,
 
 /// Huber's constant times the robust spread of the residual, at least the floor's.
 double servo_width(const ServoProblemOfJoint& p, const Knobs& x);
-/// Rows that count, divided by how long the residual stays correlated.
+/// Rows that count, divided by how long the residual stays correlated, and by the temperature.
 double independent_samples(const ServoProblemOfJoint& p, const Knobs& x);
 /// Log evidence of a fit but for the price of what it frees.
 double log_evidence(const ServoProblemOfJoint& p, const KnobFit& fit, double samples);

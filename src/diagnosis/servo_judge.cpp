@@ -39,9 +39,9 @@ Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects
 
 Knobs ServoAnswer::turned() const { return only(problem.nominal, fit.x, effects); }
 
-double tempered(double gain, const std::vector<std::pair<double, std::string>>& rivals, double temperature) {
-  double others = std::exp(-gain / temperature);
-  for (const auto& [difference, name] : rivals) others += std::exp(std::min(0.0, difference) / temperature);
+double probability_of(double gain, const std::vector<std::pair<double, std::string>>& rivals) {
+  double others = std::exp(-gain);
+  for (const auto& [difference, name] : rivals) others += std::exp(std::min(0.0, difference));
   return 1.0 / (1.0 + others);
 }
 
@@ -108,14 +108,21 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
       std::vector<int> others = a.effects;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
       const KnobFit without = refit(others, only(p.nominal, a.fit.x, others));
+      // On every row, in finer steps than the search takes.
+      const double gain =
+          std::min(w->gain, log_evidence(p, a.fit, a.samples) - log_evidence(p, without, a.samples) -
+                                price_of(a.effects[k], a.samples));
+      // Data that do not show an effect say nothing against it: only those that are worse with it do.
       const double held_out =
-          with.empty() ? 0.5 : borne_out(judging_losses(p, without.x, a.fit.width), with, held_samples);
-      a.probability[k] = std::min(tempered(w->gain, w->rivals, criteria.temperature), held_out);
+          with.empty()
+              ? 1.0
+              : std::min(1.0, 2.0 * borne_out(judging_losses(p, without.x, a.fit.width), with, held_samples));
+      a.probability[k] = std::min(probability_of(gain, w->rivals), held_out);
       // Which of two that look alike is open; that one of them is there need not be.
       std::vector<std::pair<double, std::string>> unlike;
       for (const auto& rival : w->rivals)
         if (rival.first <= -criteria.indistinct) unlike.push_back(rival);
-      of_class.push_back(std::min(tempered(w->gain, unlike, criteria.temperature), held_out));
+      of_class.push_back(std::min(probability_of(gain, unlike), held_out));
       std::vector<std::string> aliases;
       for (const char* name : effect_of(a.effects[k]).aliases) aliases.emplace_back(name);
       for (const auto& [difference, name] : w->rivals)
@@ -160,6 +167,8 @@ std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers,
         if ((s >> k & 1U) != 0) in.push_back(a.effects[k]);
       energy[s] = motion_energy(a.problem, only(a.problem.nominal, a.fit.x, in)) /
                   (a.problem.floor * a.problem.floor);
+      // A part of the set may move far worse than none, without end: it explains nothing, and no less.
+      energy[s] = std::min(energy[s], energy.front());
     }
     const double explained = std::max(energy.front() - energy.back(), 1e-300);
     const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };

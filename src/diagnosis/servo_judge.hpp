@@ -27,7 +27,7 @@ struct ServoAnswer {
 void judge_servo(ServoAnswer& answer, const ServoCriteria& criteria);
 
 /// Probability of log evidence `gain` beside rivals that fall short by the first of each.
-double tempered(double gain, const std::vector<std::pair<double, std::string>>& rivals, double temperature);
+double probability_of(double gain, const std::vector<std::pair<double, std::string>>& rivals);
 
 /// Chance by the spread over blocks that losses `less` exceed `more`: of rows in order.
 double borne_out(const std::vector<double>& less, const std::vector<double>& more, double samples);

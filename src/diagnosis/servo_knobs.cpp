@@ -226,8 +226,8 @@ std::vector<Knobs> starts_of(const ServoEffect& effect, const Knobs& from, const
       put(Knob::backlash, {0.02 * scale.error, 0.15 * scale.error});
       break;
     case Knob::limit:
-      put(Knob::limit, {0.25 * kp * scale.error, 0.6 * kp * scale.error,
-                        std::min(from[at(Knob::limit)], 0.9 * kp * scale.error)});
+      put(Knob::limit, {0.05 * kp * scale.error, 0.12 * kp * scale.error, 0.3 * kp * scale.error,
+                        0.6 * kp * scale.error, std::min(from[at(Knob::limit)], 0.9 * kp * scale.error)});
       break;
     case Knob::spring:
       put(Knob::spring, {from[at(Knob::spring)] + 0.05 * kp, from[at(Knob::spring)] - 0.05 * kp});
@@ -252,6 +252,16 @@ bool applies(const ServoEffect& effect, const Knobs& nominal, const KnobScale& s
     default:
       return scale.moves || effect.free.front() == Knob::bias;
   }
+}
+
+bool possible(const ServoEffect& effect, const Knobs& x, const Knobs& nominal, const KnobScale& scale) {
+  if (effect.free.front() != Knob::spring) return true;
+  const double stiffness = x[at(Knob::spring)] - nominal[at(Knob::spring)],
+               pull = x[at(Knob::kp)] * (x[at(Knob::bias)] - nominal[at(Knob::bias)]);
+  const double travel = scale.highest - scale.lowest;
+  // pull = - stiffness rest
+  return std::abs(pull + stiffness * 0.5 * (scale.lowest + scale.highest)) <=
+         1.5 * travel * std::abs(stiffness);
 }
 
 std::vector<KnobWord> words_of(const ServoEffect& effect, bool si) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -54,8 +55,9 @@ struct KnobScale {
   double interval = 0.0;  ///< [s] between commands
   double speed = 0.0;     ///< rms of the command's, while it moves
   double error = 0.0;     ///< largest |u - q|
-  double gravity = 0.0;   ///< largest of the rigid body's [N m]
-  double load = 0.0;      ///< rms of the rigid body's torque [N m]
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;  ///< position
+  double gravity = 0.0;  ///< largest of the rigid body's [N m]
+  double load = 0.0;     ///< rms of the rigid body's torque [N m]
   bool moves = false;
 };
 KnobRange range_of(Knob k, const Knobs& nominal, const KnobScale& scale);
@@ -78,6 +80,9 @@ const std::vector<ServoEffect>& servo_effects();
 std::vector<Knobs> starts_of(const ServoEffect& effect, const Knobs& from, const KnobScale& scale);
 /// The effect makes sense for such a joint.
 bool applies(const ServoEffect& effect, const Knobs& nominal, const KnobScale& scale);
+/// Such a joint can exist: a spring rests within a travel's length of where the joint goes (else it is an
+/// offset).
+bool possible(const ServoEffect& effect, const Knobs& x, const Knobs& nominal, const KnobScale& scale);
 /// What is reported of it, `si`: kp is known.
 std::vector<KnobWord> words_of(const ServoEffect& effect, bool si);
 

@@ -58,12 +58,13 @@ void PayloadLoads::add(const ServoPayload& payload, int joint, ServoProblemOfJoi
 
 ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
                          const std::vector<ServoProblemOfJoint>& joints, const std::vector<KnobFit>& fits,
-                         const std::vector<double>& samples) {
+                         const std::vector<double>& samples, const ServoPayload& start) {
   constexpr int most_steps = 8;
   constexpr double probe = 1e-3;  // of the arm's mass
   double mass = 0.0;
   for (const Joint& joint : nominal.joints) mass += std::max(0.0, joint.parameters[0]);
-  ServoPayload out;
+  ServoPayload out = start;
+  out.present = false;
   if (!(mass > 0.0)) return out;
   const double reach = arm_reach(nominal);
   const Eigen::Vector4d size(mass, mass * reach, mass * reach, mass * reach);
@@ -98,9 +99,9 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     }
     return sum;
   };
+  const double before = evidence(residuals({}));
   std::vector<std::vector<double>> r = residuals(out);
-  const double before = evidence(r);
-  double now = before;
+  double now = evidence(r);
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Matrix4d A = Eigen::Matrix4d::Zero();

@@ -39,6 +39,6 @@ class PayloadLoads {
 /// its price.
 ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
                          const std::vector<ServoProblemOfJoint>& joints, const std::vector<KnobFit>& fits,
-                         const std::vector<double>& samples);
+                         const std::vector<double>& samples, const ServoPayload& start = {});
 
 }  // namespace dynid::detail

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace dynid::detail {
 namespace {
@@ -71,7 +72,11 @@ class ServoSearch {
     KnobFit at_width = f;
     if (f.width != width_) at_width.loss = servo_loss(p_, f.x, RowSet::fit, width_);
     double out = log_evidence(p_, at_width, samples_);
-    for (const int e : set) out -= price_of(e, samples_);
+    for (const int e : set) {
+      if (!possible(servo_effects()[static_cast<std::size_t>(e)], f.x, p_.nominal, p_.scale))
+        return -std::numeric_limits<double>::infinity();
+      out -= price_of(e, samples_);
+    }
     return out;
   }
 
@@ -186,10 +191,13 @@ class ServoSearch {
       if (k.size() != 1) continue;
       const bool plain = k.front() == Knob::damping || k.front() == Knob::coulomb ||
                          k.front() == Knob::inertia || k.front() == Knob::bias || k.front() == Knob::delay ||
+                         (k.front() == Knob::limit && std::isfinite(p_.nominal[at(Knob::limit)])) ||
                          (k.front() == Knob::kp && p_.nominal[at(Knob::load_gain)] > 0.0);
       if (plain) out.set.push_back(e);
     }
-    std::vector<Knobs> starts = {p_.nominal, start};
+    Knobs from = p_.nominal;  // and not what other effects have turned
+    for (const Knob k : freed(out.set)) from[at(k)] = start[at(k)];
+    std::vector<Knobs> starts = {p_.nominal, from};
     for (const double frequency : {0.3, 0.8}) {  // [rad] an interval
       Knobs x = p_.nominal;
       const double kp = x[at(Knob::kp)], w = frequency / p_.scale.interval;
@@ -199,6 +207,7 @@ class ServoSearch {
         if (k == Knob::damping) x[at(k)] = 2.0 * kp / w;
         if (k == Knob::coulomb) x[at(k)] = 0.05 * kp * p_.scale.error;
         if (k == Knob::delay) x[at(k)] = p_.scale.interval;
+        if (k == Knob::limit) x[at(k)] = std::max(x[at(k)], 2.0 * kp * p_.scale.error);
       }
       starts.push_back(x);
     }
@@ -280,6 +289,14 @@ std::vector<Knob> freed(const std::vector<int>& effects) {
 double price_of(int effect, double samples) {
   const std::size_t parameters = servo_effects()[static_cast<std::size_t>(effect)].free.size();
   return 0.5 * double(parameters) * std::log(samples) + std::log(double(servo_effects().size()));
+}
+
+ServoChoice no_servo_effect(const ServoProblemOfJoint& p) {
+  ServoChoice out;
+  out.samples = independent_samples(p, p.nominal);
+  out.fit = fit_knobs(p, p.nominal, {}, RowSet::fit, servo_width(p, p.nominal), out.samples, few);
+  out.evidence = out.evidence_without = log_evidence(p, out.fit, out.samples);
+  return out;
 }
 
 ServoChoice search_servo(const ServoProblemOfJoint& p, const std::vector<std::string>& withhold,

@@ -30,6 +30,9 @@ struct ServoChoice {
 ServoChoice search_servo(const ServoProblemOfJoint& p, const std::vector<std::string>& withhold,
                          const ServoCriteria& criteria);
 
+/// The choice of a joint whose motion is as the nominal model's: none, the model within its tolerance.
+ServoChoice no_servo_effect(const ServoProblemOfJoint& p);
+
 /// The knobs that effects free.
 std::vector<Knob> freed(const std::vector<int>& effects);
 /// Log evidence that an effect costs.

@@ -15,14 +15,13 @@ namespace dynid {
 struct ServoCriteria {
   /// p-value below which a gap is said to be there: the usual one in twenty.
   double detection = 0.05;
-  /// Evidence that an effect has to bring beyond its price, of samples counted by their correlation: odds of
-  /// e^8, some seven to one after `temperature`.
-  double effect_gain = 8.0;
-  /// What evidence is divided by before it is a probability: models of friction are never exact, so that the
-  /// error left is not noise.
+  /// What the count of independent samples is divided by: no model of friction is exact, so that the error
+  /// left is not noise, however little of it correlates.
   double temperature = 4.0;
-  /// Evidence within which two effects are not told apart: e^-4 to one is one in fifty.
-  double indistinct = 4.0;
+  /// Evidence that an effect has to bring beyond its price: odds of e^3, twenty to one.
+  double effect_gain = 3.0;
+  /// Evidence within which two effects are not told apart: e^-2 to one is one in eight.
+  double indistinct = 2.0;
   /// Part by which an effect has to lower the mean loss on each half of the data in turn, when fitted on the
   /// other: a twentieth is what the loss of one log changes by when nothing is missing.
   double least_gain = 0.05;
@@ -36,7 +35,7 @@ struct ServoCriteria {
   double left_over = 4.0, fully_explained = 0.9;
   int most_effects = 5;  ///< on one joint: what five parameters do not explain, a sixth seldom does
   /// Rows that effects are sought in, of all logs together; the final fit is on all.
-  int searched_rows = 9000;
+  int searched_rows = 4000;
 };
 
 struct DiagnoseServosOptions {
