@@ -225,9 +225,9 @@ std::vector<Knobs> starts_of(const ServoEffect& effect, const Knobs& from, const
     case Knob::backlash:
       put(Knob::backlash, {0.02 * scale.error, 0.15 * scale.error});
       break;
-    case Knob::limit:
-      put(Knob::limit, {0.05 * kp * scale.error, 0.12 * kp * scale.error, 0.3 * kp * scale.error,
-                        0.6 * kp * scale.error, std::min(from[at(Knob::limit)], 0.9 * kp * scale.error)});
+    case Knob::limit:  // a little too high a limit acts where it matters; one never reached has no slope
+      put(Knob::limit, {from[at(Knob::limit)]});
+      for (double part = 1.0; part > 0.02; part *= 0.7) put(Knob::limit, {part * kp * scale.error});
       break;
     case Knob::spring:
       put(Knob::spring, {from[at(Knob::spring)] + 0.05 * kp, from[at(Knob::spring)] - 0.05 * kp});

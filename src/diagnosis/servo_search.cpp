@@ -129,16 +129,20 @@ class ServoSearch {
     return out;
   }
 
-  /// Fitted on each half, the loss on the other falls with the effect.
+  /// Fitted on each half, the loss on the other falls with the effect; the nominal's own changes, by which
+  /// the smaller set may do as well, cost what they are unlikely.
   bool transfers(const Trial& less, const Trial& more) const {
     double before = 0.0, after = 0.0;
     bool worse = false;
+    const auto cost = [&](const KnobFit& f, RowSet other) {
+      return servo_loss(p_, f.x, other, width_) * (1.0 + 2.0 * f.penalty / samples_);
+    };
     for (const auto& [half, other] : {std::pair{RowSet::first_half, RowSet::second_half},
                                       std::pair{RowSet::second_half, RowSet::first_half}}) {
-      const KnobFit a = fit(less.set, less.fit.x, few, half), b = fit(more.set, more.fit.x, few, half);
-      const double la = servo_loss(p_, a.x, other, width_), lb = servo_loss(p_, b.x, other, width_);
-      before += la, after += lb;
-      worse = worse || lb > la;
+      const double without = cost(fit(less.set, less.fit.x, few, half), other),
+                   with = cost(fit(more.set, more.fit.x, few, half), other);
+      before += without, after += with;
+      worse = worse || with > without;
     }
     return !worse && after <= (1.0 - criteria_.least_gain) * before;
   }
