@@ -138,38 +138,64 @@ class ServoDiagnosis {
     }
     tbb::parallel_for(std::size_t{0}, answers_.size(),
                       [&](std::size_t j) { judge_servo(answers_[j], options_.criteria); });
+    if (payload_.present) refine_payload(*loads);
+  }
+
+  /// The payload once more, beside what was found, on every row and in the finer steps of the judge.
+  void refine_payload(const PayloadLoads& loads) {
+    std::vector<KnobFit> fits;
+    std::vector<double> samples;
+    std::vector<ServoProblemOfJoint> problems;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      fits.push_back(answers_[j].fit);
+      samples.push_back(answers_[j].samples);
+      problems.push_back(whole(static_cast<int>(j)));
+    }
+    const ServoPayload refined = fit_payload(nominal_, loads, problems, fits, samples, payload_);
+    if (!refined.present) return;
+    payload_.value = refined.value;
+    payload_.covariance = refined.covariance;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      loads.add(payload_, static_cast<int>(j), problems[j]);
+      answers_[j].problem = std::move(problems[j]);
+    }
   }
 
   /// Seeks a payload by itself, or `beside` those of the joints' effects that it does not take the place of;
   /// kept with the choices that go with it where the evidence for both together is larger.
   bool with_payload(std::vector<ServoChoice>& choices, const PayloadLoads& loads, bool beside) {
     std::vector<KnobFit> fits;
+    std::vector<std::vector<Knob>> kept;
     std::vector<double> samples;
     std::vector<ServoProblemOfJoint> problems;
     for (std::size_t j = 0; j < choices.size(); ++j) {
       ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
                                             options_.criteria.searched_rows);
-      std::vector<int> kept;
+      std::vector<int> stay;
       for (const WeighedServoEffect& w : choices[j].effects) {
         const Knob k = servo_effects()[static_cast<std::size_t>(w.effect)].free.front();
         if (beside && k != Knob::bias && k != Knob::gravity_compensation && k != Knob::spring &&
             k != Knob::inertia)
-          kept.push_back(w.effect);
+          stay.push_back(w.effect);
       }
+      kept.push_back(freed(stay));
       Knobs x = p.nominal;
-      for (const Knob k : freed(kept)) x[at(k)] = choices[j].fit.x[at(k)];
-      fits.push_back(fit_knobs(p, x, freed(kept), RowSet::fit, servo_width(p, x), choices[j].samples, 8));
+      for (const Knob k : kept.back()) x[at(k)] = choices[j].fit.x[at(k)];
+      fits.push_back(fit_knobs(p, x, kept.back(), RowSet::fit, servo_width(p, x), choices[j].samples, 8));
       samples.push_back(choices[j].samples);
       problems.push_back(std::move(p));
     }
     ServoPayload payload = fit_payload(nominal_, loads, problems, fits, samples);
-    // What is left with it is smaller: once more, at the width of that.
-    for (std::size_t j = 0; payload.present && j < problems.size(); ++j) {
-      ServoProblemOfJoint loaded = problems[j];
-      loads.add(payload, static_cast<int>(j), loaded);
-      fits[j].width = servo_width(loaded, fits[j].x);
+    // What is left with it is smaller, and the nominal's own errors are others: by turns.
+    for (int round = 0; round < 2 && payload.present; ++round) {
+      for (std::size_t j = 0; j < problems.size(); ++j) {
+        ServoProblemOfJoint loaded = problems[j];
+        loads.add(payload, static_cast<int>(j), loaded);
+        fits[j] =
+            fit_knobs(loaded, fits[j].x, kept[j], RowSet::fit, servo_width(loaded, fits[j].x), samples[j], 8);
+      }
+      payload = fit_payload(nominal_, loads, problems, fits, samples, payload);
     }
-    if (payload.present) payload = fit_payload(nominal_, loads, problems, fits, samples, payload);
     if (!payload.present || payload.gain <= options_.criteria.effect_gain) return false;
     std::vector<ServoChoice> with = search(payload, &loads, 0.5, 0.8);
     double gain = -2.0 * std::log(*std::max_element(samples.begin(), samples.end())) -

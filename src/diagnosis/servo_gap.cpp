@@ -14,20 +14,6 @@ constexpr int parts_of_a_log = 6, windows_of_a_log = 4;
 
 double chance_beyond(double z_squared) { return std::erfc(std::sqrt(std::max(0.0, z_squared) / 2.0)); }
 
-/// Rows, divided by how long they stay correlated.
-double independent(const Eigen::VectorXd& r) {
-  const Eigen::Index n = r.size();
-  const double energy = r.squaredNorm();
-  double correlated = 0.0;
-  if (energy > 0.0)
-    for (Eigen::Index lag = 1; lag < n / 4; ++lag) {
-      const double rho = r.head(n - lag).dot(r.tail(n - lag)) / energy;
-      if (rho < 0.05) break;
-      correlated += rho;
-    }
-  return double(n) / (1.0 + 2.0 * correlated);
-}
-
 Eigen::VectorXd speeds(const Log& log, int joint) {
   Eigen::VectorXd v = Eigen::VectorXd::Zero(log.samples());
   for (Eigen::Index i = 1; i + 1 < log.samples(); ++i)
@@ -160,7 +146,7 @@ void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::Ma
     for (const Eigen::MatrixXd& r : before) {
       energy += r.col(j).squaredNorm();
       count += r.rows();
-      samples += independent(r.col(j));
+      samples += independent_samples(r.col(j));
     }
     d.rms[j] = std::sqrt(energy / double(count));
     d.floor[j] = joint.floor;

@@ -6,46 +6,15 @@
 #include <cmath>
 
 #include "dynid/base/statistics.hpp"
+#include "identification/servo_run.hpp"
 
 namespace dynid::detail {
 namespace {
-
-constexpr double huber_constant = 1.345;  // 95 % efficiency on normal noise
-
-template <bool sensitive, class Visit>
-void run(const ServoJoint& joint, const ServoSeries& s, int substeps, Visit&& visit) {
-  Eigen::Index hint = 0;
-  ServoState<sensitive> state(s.q[0], s.v0, s.command.at(s.t[0] - joint.delay, hint));
-  const bool body = s.load.size() > 0 && joint.compliance > 0.0;
-  ServoInput in;
-  for (Eigen::Index i = 0; i + 1 < s.t.size(); ++i) {
-    const double span = s.t[i + 1] - s.t[i];
-    const int steps = std::max(1, static_cast<int>(std::lround(substeps * span / s.interval)));
-    const double h = span / steps;
-    if (span > 0.0)
-      for (int k = 0; k < steps; ++k) {
-        s.command.fill(s.t[i] + k * h, h, joint.delay, hint, in);
-        if (body) {
-          const double x = (k + 0.5) / steps;
-          in.inertia = s.inertia[i] + x * (s.inertia[i + 1] - s.inertia[i]);
-          in.load = s.load[i] + x * (s.load[i + 1] - s.load[i]);
-          in.gravity = s.gravity[i] + x * (s.gravity[i + 1] - s.gravity[i]);
-        }
-        state.step(joint, in);
-      }
-    visit(i + 1, state);
-  }
-}
 
 bool counts(const ServoRows& rows, Eigen::Index i, RowSet set) {
   const auto k = static_cast<std::size_t>(i);
   if (!rows.fit[k]) return false;
   return set == RowSet::fit || (rows.half[k] == 0) == (set == RowSet::first_half);
-}
-
-double huber(double r, double width) {
-  const double z = std::abs(r);
-  return z <= width ? 0.5 * z * z : width * (z - 0.5 * width);
 }
 
 /// The knobs that a fit turns, in the coordinates of the search.
@@ -133,7 +102,7 @@ Equations equations(const ServoProblemOfJoint& p, const Turned& turned, const Kn
   Eigen::VectorXd J(n);
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run<true>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+    run_servo<true>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
       if (!counts(rows, i, set)) return;
       const double r = rows.series.q[i] - state.q;
       const double weight = std::abs(r) <= width ? 1.0 : width / std::abs(r);
@@ -156,8 +125,8 @@ Equations equations(const ServoProblemOfJoint& p, const Turned& turned, const Kn
 
 Eigen::VectorXd servo_motion(const ServoProblemOfJoint& p, const Knobs& x, const ServoRows& rows) {
   Eigen::VectorXd q = rows.series.q;
-  run<false>(servo_of(x), rows.series, p.substeps,
-             [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
+  run_servo<false>(servo_of(x), rows.series, p.substeps,
+                   [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
   return q;
 }
 
@@ -166,7 +135,7 @@ double servo_loss(const ServoProblemOfJoint& p, const Knobs& x, RowSet set, doub
   double sum = 0.0;
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run<false>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
+    run_servo<false>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
       if (!counts(rows, i, set)) return;
       sum += huber(rows.series.q[i] - state.q, width);
       ++count;
@@ -267,26 +236,30 @@ double servo_width(const ServoProblemOfJoint& p, const Knobs& x) {
   return huber_constant * std::max(r.empty() ? 0.0 : deviations_to_sigma * median(std::move(r)), p.floor);
 }
 
+double independent_samples(const Eigen::VectorXd& r) {
+  constexpr double uncorrelated = 0.05;
+  const Eigen::Index n = r.size();
+  const double energy = r.squaredNorm();
+  double correlated = 0.0;
+  if (energy > 0.0)
+    for (Eigen::Index lag = 1; lag < n / 4; ++lag) {
+      const double rho = r.head(n - lag).dot(r.tail(n - lag)) / energy;
+      if (rho < uncorrelated) break;
+      correlated += rho;
+    }
+  return double(n) / (1.0 + 2.0 * correlated);
+}
+
 double independent_samples(const ServoProblemOfJoint& p, const Knobs& x) {
+  constexpr Eigen::Index least = 8;  // rows that say anything of their correlation
   double sum = 0.0;
   for (const ServoRows& rows : p.rows) {
     const Eigen::VectorXd q = servo_motion(p, x, rows);
-    std::vector<double> r;
+    Eigen::VectorXd r(q.size());
+    Eigen::Index n = 0;
     for (Eigen::Index i = 1; i < q.size(); ++i)
-      if (counts(rows, i, RowSet::fit)) r.push_back(q[i] - rows.series.q[i]);
-    const std::size_t n = r.size();
-    if (n < 8) continue;
-    double energy = 0.0, correlated = 0.0;
-    for (const double e : r) energy += e * e;
-    if (!(energy > 0.0)) continue;
-    for (std::size_t lag = 1; lag < n / 4; ++lag) {
-      double c = 0.0;
-      for (std::size_t i = lag; i < n; ++i) c += r[i] * r[i - lag];
-      const double rho = c / energy;
-      if (rho < 0.05) break;
-      correlated += rho;
-    }
-    sum += double(n) / (1.0 + 2.0 * correlated);
+      if (counts(rows, i, RowSet::fit)) r[n++] = q[i] - rows.series.q[i];
+    if (n >= least && r.head(n).squaredNorm() > 0.0) sum += independent_samples(r.head(n));
   }
   return std::max(sum / p.temperature, 3.0);
 }
@@ -324,7 +297,7 @@ double tolerated_motion(const ServoProblemOfJoint& p) {
   Eigen::VectorXd energy = Eigen::VectorXd::Zero(turned.size());
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run<true>(joint, rows.series, p.substeps, [&](Eigen::Index, const ServoState<true>& state) {
+    run_servo<true>(joint, rows.series, p.substeps, [&](Eigen::Index, const ServoState<true>& state) {
       const KnobSlopes slopes = knob_slopes(p.nominal, state.dq);
       for (Eigen::Index k = 0; k < turned.size(); ++k) {
         const double change = turned.sigma(k) * slopes[static_cast<Eigen::Index>(at(turned.knob(k)))];

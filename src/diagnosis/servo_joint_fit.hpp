@@ -52,6 +52,8 @@ KnobFit fit_from(const ServoProblemOfJoint& p, const std::vector<Knobs>& starts,
 
 /// Huber's constant times the robust spread of the residual, at least the floor's.
 double servo_width(const ServoProblemOfJoint& p, const Knobs& x);
+/// Rows, divided by how long they stay correlated.
+double independent_samples(const Eigen::VectorXd& r);
 /// Rows that count, divided by how long the residual stays correlated, and by the temperature.
 double independent_samples(const ServoProblemOfJoint& p, const Knobs& x);
 /// Log evidence of a fit but for the price of what it frees.

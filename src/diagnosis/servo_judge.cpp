@@ -7,6 +7,7 @@
 #include <map>
 
 #include "dynid/dynamics/joint_scale.hpp"
+#include "identification/servo_run.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -53,8 +54,7 @@ std::vector<double> judging_losses(const ServoProblemOfJoint& p, const Knobs& x,
     const Eigen::VectorXd q = servo_motion(p, x, rows);
     for (Eigen::Index i = 1; i < q.size(); ++i) {
       if (rows.fit[static_cast<std::size_t>(i)]) continue;
-      const double z = std::abs(q[i] - rows.series.q[i]);
-      out.push_back(z <= width ? 0.5 * z * z : width * (z - 0.5 * width));
+      out.push_back(huber(q[i] - rows.series.q[i], width));
     }
   }
   return out;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dynid/dynamics/joint_scale.hpp"
+#include "identification/servo_run.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -69,14 +70,14 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   const double reach = arm_reach(nominal);
   const Eigen::Vector4d size(mass, mass * reach, mass * reach, mass * reach);
   // Losses of the joints that know their stiffness, with a payload.
-  const auto residuals = [&](const ServoPayload& payload) {
+  const auto residuals = [&](const ServoPayload& payload, const std::vector<KnobFit>& knobs) {
     std::vector<std::vector<double>> r(joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j) {
       if (!(joints[j].nominal[at(Knob::load_gain)] > 0.0)) continue;
       ServoProblemOfJoint p = joints[j];
       loads.add(payload, static_cast<int>(j), p);
       for (const ServoRows& rows : p.rows) {
-        const Eigen::VectorXd q = servo_motion(p, fits[j].x, rows);
+        const Eigen::VectorXd q = servo_motion(p, knobs[j].x, rows);
         for (Eigen::Index i = 1; i < q.size(); ++i)
           if (rows.fit[static_cast<std::size_t>(i)]) r[j].push_back(rows.series.q[i] - q[i]);
       }
@@ -90,19 +91,15 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
       if (r[j].empty()) continue;
       const double width = fits[j].width;
       double loss = 0.0;
-      for (const double e : r[j]) {
-        const double z = std::abs(e);
-        loss += z <= width ? 0.5 * z * z : width * (z - 0.5 * width);
-      }
+      for (const double e : r[j]) loss += huber(e, width);
       loss /= double(r[j].size());
       sum -= 0.5 * samples[j] * std::log(2.0 * loss + joints[j].floor * joints[j].floor);
     }
     return sum;
   };
-  const double before = evidence(residuals({}));
-  std::vector<std::vector<double>> r = residuals(out);
+  const double before = evidence(residuals({}, fits));
+  std::vector<std::vector<double>> r = residuals(out, fits);
   double now = evidence(r);
-  Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
     Eigen::Vector4d b = Eigen::Vector4d::Zero();
@@ -111,7 +108,7 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
       ServoPayload other = out;
       other.value[k] += probe * size[k];
       if (other.value[0] <= 0.0) other.value[0] = probe * size[0];
-      moved.push_back(residuals(other));
+      moved.push_back(residuals(other, fits));
     }
     for (std::size_t j = 0; j < joints.size(); ++j) {
       if (r[j].empty()) continue;
@@ -127,7 +124,6 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
         b += weight * robust * r[j][i] * J;
       }
     }
-    information = A;
     A.diagonal().array() += 1e-6 * A.diagonal().maxCoeff() + 1e-300;
     const Eigen::Vector4d change = A.ldlt().solve(b);
     bool better = false;
@@ -135,7 +131,7 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
       ServoPayload next = out;
       next.value += part * change.cwiseProduct(size);
       next.value[0] = std::max(next.value[0], probe * size[0]);
-      const auto there = residuals(next);
+      const auto there = residuals(next, fits);
       const double value = evidence(there);
       if (value > now) {
         better = value > now + 1e-3;
@@ -147,12 +143,51 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     }
     if (!better) break;
   }
+  // What a payload of other values does, less what the nominal's own errors would make of it, joint by joint.
+  Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
+  std::vector<std::vector<std::vector<double>>> moved;
+  for (int k = 0; k < 4; ++k) {
+    ServoPayload other = out;
+    other.value[k] += probe * size[k];
+    moved.push_back(residuals(other, fits));
+  }
+  std::vector<std::vector<std::vector<double>>> nominal_off;
+  for (const Knob knob : {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain}) {
+    std::vector<KnobFit> shifted = fits;
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      shifted[j].x[at(knob)] += joints[j].tolerance * std::abs(joints[j].nominal[at(knob)]);
+    nominal_off.push_back(residuals(out, shifted));
+  }
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (r[j].empty()) continue;
+    const auto rows = static_cast<Eigen::Index>(r[j].size());
+    const Eigen::Index others = static_cast<Eigen::Index>(nominal_off.size());
+    double energy = 0.0;
+    for (const double e : r[j]) energy += std::min(e * e, fits[j].width * fits[j].width);
+    const double weight =
+        samples[j] / double(rows) / (energy / double(rows) + joints[j].floor * joints[j].floor);
+    const Eigen::Map<const Eigen::VectorXd> now_j(r[j].data(), rows);
+    Eigen::MatrixXd J(rows, 4 + others);
+    for (Eigen::Index k = 0; k < 4; ++k)
+      J.col(k) = (now_j - Eigen::Map<const Eigen::VectorXd>(moved[std::size_t(k)][j].data(), rows)) / probe;
+    for (Eigen::Index k = 0; k < others; ++k)  // of one standard deviation
+      J.col(4 + k) = now_j - Eigen::Map<const Eigen::VectorXd>(nominal_off[std::size_t(k)][j].data(), rows);
+    Eigen::MatrixXd H = weight * J.transpose() * J;
+    H.bottomRightCorner(others, others).diagonal().array() += 1.0;
+    information += H.topLeftCorner<4, 4>() -
+                   H.topRightCorner(4, others) *
+                       H.bottomRightCorner(others, others).ldlt().solve(H.bottomLeftCorner(others, 4));
+  }
   double most = 0.0;
   for (const double s : samples) most = std::max(most, s);
   out.gain = now - before - 2.0 * std::log(most) - std::log(double(servo_effects().size()));
   information.diagonal().array() += 1e-9 * information.diagonal().maxCoeff() + 1e-300;
   out.covariance =
       size.asDiagonal() * information.ldlt().solve(Eigen::Matrix4d::Identity()) * size.asDiagonal();
+  // A payload is weighed against the arm's own bodies, whose scale is known to within the tolerance.
+  double tolerance = 0.0;
+  for (const ServoProblemOfJoint& joint : joints) tolerance = std::max(tolerance, joint.tolerance);
+  out.covariance += tolerance * tolerance * out.value * out.value.transpose();
   // A body has mass, and is within what an arm can hold.
   out.present =
       out.value[0] > 2.0 * probe * size[0] && out.value.tail<3>().norm() < 2.0 * reach * out.value[0];
