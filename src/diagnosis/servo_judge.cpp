@@ -46,15 +46,17 @@ double probability_of(double gain, const std::vector<std::pair<double, std::stri
   return 1.0 / (1.0 + others);
 }
 
-std::vector<double> judging_losses(const ServoProblemOfJoint& p, const Knobs& x, double width) {
+std::vector<double> judging_losses(const ServoProblemOfJoint& p, const KnobFit& fit, double width,
+                                   double samples) {
+  const double unlikely = 1.0 + 2.0 * fit.penalty / samples;
   std::vector<double> out;
   for (const ServoRows& rows : p.rows) {
     const bool judges = std::find(rows.fit.begin(), rows.fit.end(), 0) != rows.fit.end();
     if (!judges) continue;
-    const Eigen::VectorXd q = servo_motion(p, x, rows);
+    const Eigen::VectorXd q = servo_motion(p, fit.x, rows);
     for (Eigen::Index i = 1; i < q.size(); ++i) {
       if (rows.fit[static_cast<std::size_t>(i)]) continue;
-      out.push_back(huber(q[i] - rows.series.q[i], width));
+      out.push_back(unlikely * huber(q[i] - rows.series.q[i], width));
     }
   }
   return out;
@@ -99,7 +101,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
   a.aliases.assign(a.effects.size(), {});
   for (bool again = true; again && !a.effects.empty();) {
     again = false;
-    const std::vector<double> with = judging_losses(p, a.fit.x, a.fit.width);
+    const std::vector<double> with = judging_losses(p, a.fit, a.fit.width, a.samples);
     std::size_t worst = 0;
     std::vector<double> of_class;
     for (std::size_t k = 0; k < a.effects.size(); ++k) {
@@ -114,9 +116,9 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
                                 price_of(a.effects[k], a.samples));
       // Data that do not show an effect say nothing against it: only those that are worse with it do.
       const double held_out =
-          with.empty()
-              ? 1.0
-              : std::min(1.0, 2.0 * borne_out(judging_losses(p, without.x, a.fit.width), with, held_samples));
+          with.empty() ? 1.0
+                       : std::min(1.0, 2.0 * borne_out(judging_losses(p, without, a.fit.width, a.samples),
+                                                       with, held_samples));
       a.probability[k] = std::min(probability_of(gain, w->rivals), held_out);
       // Which of two that look alike is open; that one of them is there need not be.
       std::vector<std::pair<double, std::string>> unlike;

@@ -32,8 +32,9 @@ double probability_of(double gain, const std::vector<std::pair<double, std::stri
 /// Chance by the spread over blocks that losses `less` exceed `more`: of rows in order.
 double borne_out(const std::vector<double>& less, const std::vector<double>& more, double samples);
 
-/// Huber's losses of the rows that judge, log after log.
-std::vector<double> judging_losses(const ServoProblemOfJoint& p, const Knobs& x, double width);
+/// Huber's losses of the rows that judge, log after log, times what the fit's changes of the nominal cost.
+std::vector<double> judging_losses(const ServoProblemOfJoint& p, const KnobFit& fit, double width,
+                                   double samples);
 
 /// Joints' effects of one name together; shares by the order-free average over subsets of a joint's effects.
 /// `before`: n [rad rms], the nominal model's motion error. Shares below the least are left out.
