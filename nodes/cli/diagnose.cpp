@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/diagnose.hpp"
+#include "dynid/app/servo_diagnosis.hpp"
 
 #include <filesystem>
 #include <iostream>
@@ -139,8 +140,9 @@ int run(const Arguments& a) {
   job.nominal = a.model.read(silent).robot;
   warn_of(job.nominal, a);
   Progress progress(a.output);
-  if (!a.reference.empty()) job.reference = a.input.read(a.reference, job.nominal);
-  job.logs = read_logs(a.input, a.logs, job.nominal, progress);
+  if (!a.reference.empty())
+    job.reference = a.input.read(a.reference, job.nominal, diagnosis_columns(job.nominal));
+  job.logs = read_logs(a.input, a.logs, job.nominal, progress, diagnosis_columns(job.nominal));
   const DiagnoseReport report = run(job, progress.context());
 
   nlohmann::json result = to_json(report);
@@ -165,7 +167,10 @@ void add_diagnose(CLI::App& app, int& status) {
       "diagnose", "Where a model and a robot disagree, which effect makes it, and how far it shrinks");
   a->model.add_to(*command, "--model");
   a->model.allow_inconsistent = true;
-  command->add_option("--log", a->logs, "Logs of the robot (CSV); of several, the last only judges")
+  command
+      ->add_option("--log", a->logs,
+                   "Logs of the robot (CSV: torques, or commands u1.. where the model has servos); of several, "
+                   "the last only judges")
       ->type_name("FILE...");
   command
       ->add_option(

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/diagnose.hpp"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "app/check.hpp"
 #include "app/job.hpp"
 #include "dynid/app/option_error.hpp"
+#include "dynid/app/servo_diagnosis.hpp"
 #include "dynid/app/report.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/diagnosis/servo_diagnose.hpp"
 #include "dynid/identification/identify.hpp"
+#include "dynid/identification/servo.hpp"
 #include "dynid/model/model_warning.hpp"
 
 namespace dynid {
@@ -37,6 +41,22 @@ void add_model_warnings(const Robot& nominal, Diagnosis& diagnosis) {
   all.insert(all.begin(), issues.begin(), issues.end());
 }
 
+/// From commands and positions alone.
+void run_servos(const DiagnoseJob& job, const Context& context, DiagnoseReport& report) {
+  if (!job.assume.empty()) throw OptionError("assume", "logs of commands without torques are read as they are");
+  DiagnoseServosOptions options;
+  options.tolerance = job.options.tolerance;
+  options.withhold = job.options.withhold;
+  options.rollout = job.options.replay;
+  for (const std::string& name : job.withhold)
+    if (!take_out(name, report.nominal)) options.withhold.push_back(name);
+  if (job.reference) report.nominal = identify_servos({*job.reference}, report.nominal).robot;
+  detail::JobProgress progress(context);
+  options.progress = std::ref(progress);
+  report.diagnosis = diagnose_servos(report.nominal, job.logs, options);
+  context.check();
+}
+
 std::string in_json(double value) { return nlohmann::json(value).dump(); }
 
 }  // namespace
@@ -45,8 +65,33 @@ void check_options(const DiagnoseJob& job) {
   detail::check_not_negative("cutoff", job.options.cutoff);
   detail::check_not_negative("tolerance", job.options.tolerance);
   for (const std::string& name : job.withhold)
-    if (name != "friction" && name != "payload" && find_hypothesis(name) == nullptr)
+    if (name != "friction" && name != "payload" && find_hypothesis(name) == nullptr &&
+        std::count(servo_effect_names().begin(), servo_effect_names().end(), name) == 0)
       throw OptionError("withhold", name + " is not friction, payload or the name of an effect");
+}
+
+LogColumns diagnosis_columns(const Robot& nominal) {
+  LogColumns required;
+  if (std::any_of(nominal.joints.begin(), nominal.joints.end(),
+                  [](const Joint& joint) { return joint.servo.has_value(); }))
+    required.dq = required.tau = false;
+  return required;
+}
+
+bool is_servo_diagnosis(const Robot& nominal, const std::vector<Log>& logs) {
+  const bool servos = !diagnosis_columns(nominal).tau;
+  bool any = false;
+  for (const Log& log : logs) {
+    if (log.tau.size() > 0) continue;
+    if (log.u.size() == 0)
+      throw Error(log.source + ": columns tau1..tau" + std::to_string(nominal.size()) +
+                  " are missing" + (servos ? ", and commands u1.. too: a diagnosis needs one of them" : ""));
+    if (!servos)
+      throw Error(log.source + ": has commands and no torque, and the model has no servo: identify them first "
+                  "(dynid identify --servo), or give a model with position actuators");
+    any = true;
+  }
+  return any;
 }
 
 DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
@@ -56,6 +101,10 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
   report.nominal = job.nominal;
   report.referenced = job.reference.has_value();
   for (const Log& log : job.logs) report.logs.push_back(log.source);
+  if (is_servo_diagnosis(job.nominal, job.logs)) {
+    run_servos(job, context, report);
+    return report;
+  }
   DiagnoseOptions options = job.options;
   for (const std::string& name : job.withhold)
     if (!take_out(name, report.nominal)) options.withhold.push_back(name);
@@ -98,6 +147,9 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
 
 std::optional<ModelFile> DiagnoseReport::patch() const {
   if (diagnosis.effects.empty()) return std::nullopt;
+  if (of_motion(diagnosis))
+    return ModelFile{patched_servos(nominal, diagnosis.effects), {},
+                     "effects found by diagnosis of " + logs.front()};
   return ModelFile{patched(nominal, diagnosis.effects), {}, "effects found by diagnosis of " + logs.front()};
 }
 

@@ -5,6 +5,7 @@
 #include "app/serialise.hpp"
 
 #include "diagnosis/joint_shrink.hpp"
+#include "dynid/diagnosis/servo_diagnose.hpp"
 
 namespace dynid {
 namespace {
@@ -175,6 +176,7 @@ nlohmann::json to_json(const DiagnoseReport& report) {
           {"nominal_error", d.nominal_error},
           {"explained", d.explained},
           {"cutoff_hz", d.cutoff},
+          {"quantity", of_motion(d) ? "motion" : "torque"},
           {"view", report.referenced ? "B" : "A"},
           {"seconds", d.seconds}};
 }

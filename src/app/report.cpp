@@ -14,6 +14,7 @@
 #include "base/page.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
+#include "dynid/diagnosis/servo_diagnose.hpp"
 #include "report_plots.hpp"
 #include "report_view.hpp"
 #include "report_words.hpp"
@@ -128,7 +129,8 @@ json residual_view(const Diagnosis& d, const json& json_of, const HeldOutLog& he
     if (!svg.empty()) plots.push_back(plot_view("Joint " + std::to_string(worst[k] + 1), std::move(svg)));
   }
   const auto log = static_cast<std::size_t>(held.log);
-  return {{"rows", d.series.t.size() > 0}, {"cutoff", page_number(json_of.at("cutoff_hz"))},
+  return {{"rows", d.series.t.size() > 0}, {"motion", of_motion(d)},
+          {"cutoff", page_number(json_of.at("cutoff_hz"))},
           {"whole_log", held.whole},       {"log", log < files.size() ? files[log] : ""},
           {"any_plot", !plots.empty()},    {"plots", plots}};
 }
@@ -165,6 +167,7 @@ json shrink_view(const json& json_of) {
           {"fraction", page_percent(shrink.at("fraction"))},
           {"interval", page_percents(shrink.at("low"), shrink.at("high"))},
           {"joints", joints},
+          {"motion", json_of.at("quantity") == "motion"},
           {"unit", join(units, " or ")}};
 }
 
@@ -194,7 +197,7 @@ json replay_view(const Diagnosis& d, const json& json_of) {
                         {"after", page_angle(replay.at("after").at(k))}});
   const bool any = !horizons.empty();
   const json plots = any ? replay_plots(d.rollout) : json::array();
-  return {{"any", any}, {"horizons", horizons}, {"any_plot", !plots.empty()}, {"plots", plots}};
+  return {{"any", any}, {"motion", of_motion(d)}, {"horizons", horizons}, {"any_plot", !plots.empty()}, {"plots", plots}};
 }
 
 void add_ranking_view(const json& json_of, json& view) {

@@ -85,7 +85,8 @@ std::string gap_plot(const Diagnosis& d, Eigen::Index joint, int log) {
     data << plain(s.t[i]) << ' ' << plain(s.before(i, joint)) << ' ' << plain(s.after(i, joint)) << "\n";
   }
   if (first > last) return "";
-  out << plot_head(230, "gap [N m]") << "set xrange [" << plain(first) << ":" << plain(last)
+  const std::string unit = d.unit.empty() ? "N m" : d.unit[static_cast<std::size_t>(joint)];
+  out << plot_head(230, "gap [" + unit + "]") << "set xrange [" << plain(first) << ":" << plain(last)
       << "]\nset yrange [" << plain(-reach) << ":" << plain(reach) << "]\n";
   int object = 1;
   const auto box = [&](double x0, double x1, double y0, double y1, const char* colour, double opacity) {

@@ -3,6 +3,7 @@
 
 #include "dynid/app/report.hpp"
 #include "dynid/base/text.hpp"
+#include "dynid/diagnosis/servo_diagnose.hpp"
 #include "report_words.hpp"
 
 namespace dynid {
@@ -29,7 +30,10 @@ std::string verdict_sentence(const Diagnosis& d) {
   const bool several = causes.size() > 1;
   switch (d.verdict) {
     case Verdict::no_gap:
-      return "No gap: the model's torques agree with the robot's to within the noise.";
+      return of_motion(d)
+                 ? "No gap: under the same commands the model moves as the robot does, to within noise and "
+                   "tolerance."
+                 : "No gap: the model's torques agree with the robot's to within the noise.";
     case Verdict::not_detected:
       return "No cause can be named: model and robot differ by no more than an inexact model may.";
     case Verdict::explained:

@@ -370,6 +370,12 @@ const char* name_of(P p, bool si) {
       return si ? "torque_limit" : "error_limit";
     case P::command_lag:
       return "command_time_constant";
+    case P::backlash:
+      return "backlash";
+    case P::gravity_compensation:
+      return "gravity_compensation";
+    case P::spring:
+      return "spring";
   }
   return "";
 }

@@ -7,8 +7,10 @@
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/statistics.hpp"
+#include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
+#include "dynid/effect/complete.hpp"
 #include "dynid/signal/filter.hpp"
 
 namespace dynid::detail {
@@ -25,13 +27,13 @@ double median_interval(const Eigen::VectorXd& t) {
 
 double spread(const Eigen::Ref<const Eigen::VectorXd>& x) { return x.maxCoeff() - x.minCoeff(); }
 
-std::string number(double value) { return short_number(value, 3); }
+std::string number(double value) { return dynid::short_number(value, 3); }
 
 /// A factor of 57.3, give or take what a servo that follows badly makes of it.
 bool is_degrees(double ratio) { return ratio > degrees / 2.0 && ratio < degrees * 2.0; }
 
 struct RigidBody {
-  Eigen::MatrixXd inertia, load;  // N x n
+  Eigen::MatrixXd inertia, load, gravity;  // N x n
 };
 
 /// Along the measured motion, low-passed without phase: the accelerations of the other joints are needed.
@@ -57,18 +59,23 @@ RigidBody along(const Robot& robot, const Log& log, double interval) {
   const Eigen::MatrixXd v = differentiate(x, grid_rate), a = differentiate(v, grid_rate);
   const Model<> model(robot);
   Workspace<> ws(model);
-  Eigen::MatrixXd inertia(size, n), load(size, n), M(n, n);
-  Eigen::VectorXd tau(n);
+  Eigen::MatrixXd inertia(size, n), load(size, n), weight(size, n), M(n, n);
+  Eigen::VectorXd tau(n), g(n);
   for (Eigen::Index i = 0; i < size; ++i) {
     inverse_dynamics(model, ws, x.row(i).transpose(), v.row(i).transpose(), a.row(i).transpose(), tau);
     mass_matrix(model, ws, x.row(i).transpose(), M);
+    gravity(model, ws, x.row(i).transpose(), g);
+    weight.row(i) = g.transpose();
     inertia.row(i) = M.diagonal().transpose();
     load.row(i) = tau.transpose() - inertia.row(i).cwiseProduct(a.row(i));
   }
-  RigidBody out{Eigen::MatrixXd(log.t.size(), n), Eigen::MatrixXd(log.t.size(), n)};
+  RigidBody out;
+  out.inertia.resize(log.t.size(), n);
+  out.load = out.gravity = out.inertia;
   for (int j = 0; j < n; ++j) {
     out.inertia.col(j) = interpolate(grid, inertia.col(j), log.t);
     out.load.col(j) = interpolate(grid, load.col(j), log.t);
+    out.gravity.col(j) = interpolate(grid, weight.col(j), log.t);
   }
   return out;
 }
@@ -174,10 +181,31 @@ std::vector<std::vector<ServoSeries>> servo_series(const std::vector<Log>& logs,
         if (change > 0.0) step = std::min(step, change);
       }
       s.resolution = std::isfinite(step) ? step : 0.0;
-      if (robot) s.inertia = body.inertia.col(j), s.load = body.load.col(j);
+      if (robot) {
+        s.inertia = body.inertia.col(j);
+        s.load = body.load.col(j);
+        s.gravity = body.gravity.col(j);
+      }
       out[static_cast<std::size_t>(j)].push_back(std::move(s));
     }
     ++number_of_log;
+  }
+  return out;
+}
+
+ServoJoint servo_joint(const Robot& robot, int joint) {
+  ServoJoint out = servo_ratios(robot.joints[static_cast<std::size_t>(joint)]);
+  for (const Effect& effect : robot.effects) {
+    const bool here = std::find(effect.joints.begin(), effect.joints.end(), joint + 1) != effect.joints.end();
+    if (effect.name == "backlash" && here)
+      if (const auto gap = effect.parameters.find("gap"); gap != effect.parameters.end())
+        out.backlash += 0.5 * gap->second[static_cast<std::size_t>(joint)];
+    if (!(out.compliance > 0.0)) continue;
+    if (effect.name != "joint_spring") continue;
+    LoopTerms terms(robot.size());
+    effect_schema(effect.name).compile(terms, checked_effect(effect, robot));
+    out.spring += out.compliance * terms.stiffness[joint];
+    out.bias += out.compliance * terms.offset[joint];
   }
   return out;
 }
@@ -191,6 +219,7 @@ ServoSeries part_of(const ServoSeries& s, Eigen::Index first, Eigen::Index count
   if (s.load.size() > 0) {
     part.inertia = s.inertia.segment(first, count);
     part.load = s.load.segment(first, count);
+    part.gravity = s.gravity.segment(first, count);
   }
   return part;
 }

@@ -14,6 +14,7 @@ namespace dynid::detail {
 struct ServoSeries {
   Eigen::VectorXd t, u, q;        ///< N
   Eigen::VectorXd inertia, load;  ///< N: M_jj and the rest of the rigid body's torque; empty without one
+  Eigen::VectorXd gravity;        ///< N: the part of `load` that is gravity's
   double interval = 0.0;          ///< median of the stamps' [s]
   double resolution = 0.0;        ///< smallest change of q, an encoder's step [rad]
   double v0 = 0.0;                ///< velocity at the first stamp, where it is known [rad/s]
@@ -31,6 +32,10 @@ void check_servo_logs(const std::vector<Log>& logs, const std::optional<Robot>& 
 /// By joint, then by log.
 std::vector<std::vector<ServoSeries>> servo_series(const std::vector<Log>& logs,
                                                    const std::optional<Robot>& robot);
+
+/// servo_ratios() of joint `joint` (from 0), with the robot's effects there: the gap of its backlash, and,
+/// where kp is known, its springs (joint_spring).
+ServoJoint servo_joint(const Robot& robot, int joint);
 
 /// Rows [first, first + count) of a series as one of its own.
 ServoSeries part_of(const ServoSeries& series, Eigen::Index first, Eigen::Index count);

@@ -8,41 +8,10 @@
 #include "dynid/base/statistics.hpp"
 #include "dynid/identification/triangular_factor.hpp"
 #include "dynid/signal/filter.hpp"
+#include "servo_run.hpp"
 
 namespace dynid::detail {
 namespace {
-
-constexpr double huber_constant = 1.345;  // 95 % efficiency on normal noise
-
-/// Runs the open loop and calls visit(i, state) at every stamp from the second on.
-template <bool sensitive, class Visit>
-void run(const ServoJoint& joint, const ServoSeries& s, int substeps, Visit&& visit) {
-  ServoState<sensitive> state(s.q[0], s.v0, s.u[0]);
-  const bool body = s.load.size() > 0;
-  Eigen::Index hint = 0;
-  ServoInput in;
-  for (Eigen::Index i = 0; i + 1 < s.t.size(); ++i) {
-    const double span = s.t[i + 1] - s.t[i];
-    const int steps = std::max(1, static_cast<int>(std::lround(substeps * span / s.interval)));
-    const double h = span / steps;
-    if (span > 0.0)
-      for (int k = 0; k < steps; ++k) {
-        s.command.fill(s.t[i] + k * h, h, joint.delay, hint, in);
-        if (body) {
-          const double x = (k + 0.5) / steps;
-          in.inertia = s.inertia[i] + x * (s.inertia[i + 1] - s.inertia[i]);
-          in.load = s.load[i] + x * (s.load[i + 1] - s.load[i]);
-        }
-        state.step(joint, in);
-      }
-    visit(i + 1, state);
-  }
-}
-
-double huber(double r, double width) {
-  const double z = std::abs(r);
-  return z <= width ? 0.5 * z * z : width * (z - 0.5 * width);
-}
 
 /// The search's coordinates.
 class Coordinates {
@@ -88,7 +57,7 @@ double cost_of(const ServoProblem& problem, const ServoJoint& joint, double widt
   double cost = 0.0;
   Eigen::Index samples = 0;
   for (const ServoSeries* s : problem.series) {
-    run<false>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
+    run_servo<false>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
       cost += huber(s->q[i] - state.q, width);
     });
     samples += s->q.size();
@@ -110,7 +79,7 @@ Normal normal_equations(const ServoProblem& problem, const ServoJoint& joint, co
   Eigen::VectorXd J(n);
   Eigen::Index samples = 0;
   for (const ServoSeries* s : problem.series) {
-    run<true>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+    run_servo<true>(joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
       const double r = s->q[i] - state.q;
       const double weight = std::abs(r) <= width ? 1.0 : width / std::abs(r);
       for (Eigen::Index k = 0; k < n; ++k)
@@ -154,6 +123,12 @@ ServoBounds servo_bounds(ServoParameter p, const ServoProblem& problem) {
       return {true, 1e-9, infinite};
     case ServoParameter::command_lag:
       return {false, 0.0, 10.0 * problem.longest_delay * interval};
+    case ServoParameter::backlash:
+      return {false, 0.0, infinite};
+    case ServoParameter::gravity_compensation:  // none of it to half as much again
+      return {false, 0.0, 1.5};
+    case ServoParameter::spring:  // it holds the joint's own place at least
+      return {false, -0.9, infinite};
   }
   return {};
 }
@@ -161,8 +136,8 @@ ServoBounds servo_bounds(ServoParameter p, const ServoProblem& problem) {
 Eigen::VectorXd simulate_servo(const ServoJoint& joint, const ServoSeries& series, int substeps) {
   Eigen::VectorXd q(series.q.size());
   q[0] = series.q[0];
-  run<false>(joint, series, substeps,
-             [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
+  run_servo<false>(joint, series, substeps,
+                   [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
   return q;
 }
 
@@ -330,7 +305,7 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
                        length = std::max<Eigen::Index>(1, (size + blocks_a_log - 1) / blocks_a_log);
     Eigen::VectorXd score = Eigen::VectorXd::Zero(n), of_log = score, J(n);
     Eigen::Index filled = 0;
-    run<true>(solution.joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+    run_servo<true>(solution.joint, *s, problem.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
       const double r = s->q[i] - state.q;
       const bool inside = std::abs(r) <= solution.width;
       for (Eigen::Index k = 0; k < n; ++k)

@@ -4,9 +4,12 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/statistics.hpp"
+#include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/inverse_dynamics.hpp"
 #include "dynid/dynamics/mass_matrix.hpp"
 #include "dynid/identification/servo.hpp"
+#include "dynid/identification/servo_rollout.hpp"
+#include "servo_data.hpp"
 
 namespace dynid {
 namespace {
@@ -17,24 +20,41 @@ double threshold(double r, double f) { return r > f ? r - f : r < -f ? r + f : 0
 class CoupledServos {
  public:
   CoupledServos(const Robot& robot, const Log& log)
-      : model_(robot), ws_(model_), n_(robot.size()), M_(n_, n_), tau_(n_), zero_(Eigen::VectorXd::Zero(n_)) {
-    q = log.q.row(0).transpose();
-    v = log.dq.size() > 0 ? Eigen::VectorXd(log.dq.row(0).transpose()) : zero_;
-    filtered_ = log.u.row(0).transpose();
-    w_ = v;
+      : model_(robot),
+        ws_(model_),
+        n_(robot.size()),
+        M_(n_, n_),
+        tau_(n_),
+        gravity_(Eigen::VectorXd::Zero(n_)),
+        zero_(Eigen::VectorXd::Zero(n_)) {
     for (int j = 0; j < n_; ++j) {
-      joints_.push_back(servo_ratios(robot.joints[static_cast<std::size_t>(j)]));
+      joints_.push_back(detail::servo_joint(robot, j));
       commands_.emplace_back(log.t, log.u.col(j));
+      compensated_ = compensated_ || joints_.back().gravity_compensation != 0.0;
     }
     hints_.assign(static_cast<std::size_t>(n_), 0);
     coupled_ =
         std::any_of(joints_.begin(), joints_.end(), [](const ServoJoint& j) { return j.compliance > 0.0; });
+    start(log.q.row(0).transpose(), log.dq.size() > 0 ? Eigen::VectorXd(log.dq.row(0).transpose()) : zero_,
+          log.t[0]);
+  }
+
+  /// From a state at `time`; filters have settled on the commands that have come by then.
+  void start(const Eigen::VectorXd& q0, const Eigen::VectorXd& v0, double time) {
+    q = q0;
+    v = w_ = v0;
+    filtered_.resize(n_);
+    for (int j = 0; j < n_; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      filtered_[j] = commands_[k].at(time - joints_[k].delay, hints_[k]);
+    }
   }
 
   void step(double time, double h) {
     if (coupled_) {
       inverse_dynamics(model_, ws_, q, v, zero_, tau_);  // Coriolis and gravity torques
       mass_matrix(model_, ws_, q, M_);
+      if (compensated_) gravity(model_, ws_, q, gravity_);
     } else {
       M_.setZero();
       tau_.setZero();
@@ -44,15 +64,13 @@ class CoupledServos {
       const ServoJoint& p = joints_[static_cast<std::size_t>(j)];
       ServoInput in;
       commands_[static_cast<std::size_t>(j)].fill(time, h, p.delay, hints_[static_cast<std::size_t>(j)], in);
-      if (p.command_lag > 0.0)
-        filtered_[j] += h / (p.command_lag + h) * (in.command - filtered_[j]);
-      else
-        filtered_[j] = in.command;
-      const double L = p.bias + p.compliance * tau_[j];
-      double e = filtered_[j] - q[j];
-      const bool saturated = std::abs(e) > p.limit;
+      filtered_[j] += h / (p.command_lag + h) * (in.command - filtered_[j]);
+      const double L =
+          p.bias + p.spring * q[j] + p.compliance * (tau_[j] - p.gravity_compensation * gravity_[j]);
+      double e = behind_gap(filtered_[j] - q[j], p.backlash);
+      const bool idle = p.backlash > 0.0 && e == 0.0, saturated = std::abs(e) > p.limit;
       if (saturated) e = std::copysign(p.limit, e);
-      kappa[j] = saturated ? 0.0 : 0.5 * h;
+      kappa[j] = 0.5 * h * ((saturated || idle ? 0.0 : 1.0) + p.spring);
       const double x = v[j] / p.stribeck_velocity;
       f[j] = p.coulomb + (p.stribeck > 0.0 ? p.stribeck * std::exp(-x * x) : 0.0) +
              p.load_friction * std::abs(L);
@@ -108,16 +126,14 @@ class CoupledServos {
   Workspace<> ws_;
   int n_;
   Eigen::MatrixXd M_;
-  Eigen::VectorXd tau_, zero_, filtered_, w_;
+  Eigen::VectorXd tau_, gravity_, zero_, filtered_, w_;
   std::vector<ServoJoint> joints_;
   std::vector<HeldCommand> commands_;
   std::vector<Eigen::Index> hints_;
-  bool coupled_ = false;
+  bool coupled_ = false, compensated_ = false;
 };
 
-}  // namespace
-
-ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps) {
+void check_replay(const Robot& robot, const Log& log) {
   validate(robot);
   const int n = robot.size();
   for (const Joint& joint : robot.joints)
@@ -129,28 +145,60 @@ ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps) {
   if (log.u.cols() != n || log.q.cols() != n || log.t.size() != log.q.rows() || log.samples() < 2)
     throw Error(log.source + ": has " + std::to_string(log.joints()) + " joints, the model has " +
                 std::to_string(n));
+}
+
+double median_step(const Log& log) {
   std::vector<double> steps;
   for (Eigen::Index i = 1; i < log.t.size(); ++i)
     if (log.t[i] > log.t[i - 1]) steps.push_back(log.t[i] - log.t[i - 1]);
   if (steps.empty()) throw Error(log.source + ": column t: the stamps do not advance");
-  const double interval = median(std::move(steps));
+  return median(std::move(steps));
+}
 
+/// From one stamp to the next.
+void advance(CoupledServos& servos, const Log& log, Eigen::Index i, double interval, int substeps) {
+  const double span = log.t[i + 1] - log.t[i];
+  if (!(span > 0.0)) return;
+  const int count = std::max(1, static_cast<int>(std::lround(substeps * span / interval)));
+  for (int k = 0; k < count; ++k) servos.step(log.t[i] + k * span / count, span / count);
+}
+
+}  // namespace
+
+ServoReplay replay_servos(const Robot& robot, const Log& log, int substeps) {
+  check_replay(robot, log);
+  const double interval = median_step(log);
   CoupledServos servos(robot, log);
   ServoReplay out;
   out.t = log.t;
-  out.q.resize(log.samples(), n);
-  out.dq.resize(log.samples(), n);
+  out.q.resize(log.samples(), robot.size());
+  out.dq.resize(log.samples(), robot.size());
   for (Eigen::Index i = 0; i < log.samples(); ++i) {
     out.q.row(i) = servos.q.transpose();
     out.dq.row(i) = servos.v.transpose();
-    if (i + 1 == log.samples()) break;
-    const double span = log.t[i + 1] - log.t[i];
-    if (!(span > 0.0)) continue;
-    const int count = std::max(1, static_cast<int>(std::lround(substeps * span / interval)));
-    for (int k = 0; k < count; ++k) servos.step(log.t[i] + k * span / count, span / count);
+    if (i + 1 < log.samples()) advance(servos, log, i, interval, substeps);
   }
   out.error = (out.q - log.q).cwiseAbs().colwise().mean().transpose();
   return out;
+}
+
+Eigen::MatrixXd replay_servos_from(const Robot& robot, const Log& log, const Eigen::MatrixXd& dq,
+                                   const std::vector<Eigen::Index>& starts, int substeps) {
+  check_replay(robot, log);
+  const double interval = median_step(log);
+  CoupledServos servos(robot, log);
+  Eigen::MatrixXd q = log.q;
+  std::size_t next = 0;
+  for (Eigen::Index i = 0; i < log.samples(); ++i) {
+    if (next < starts.size() && starts[next] == i) {
+      servos.start(log.q.row(i).transpose(), dq.row(i).transpose(), log.t[i]);
+      ++next;
+    }
+    if (next == 0) continue;
+    q.row(i) = servos.q.transpose();
+    if (i + 1 < log.samples()) advance(servos, log, i, interval, substeps);
+  }
+  return q;
 }
 
 }  // namespace dynid

@@ -11,26 +11,30 @@ namespace dynid {
 
 /// Parameters of a servo joint that its open-loop motion depends on, in the order of ServoSensitivity.
 enum class ServoParameter {
-  inertia,            ///< J / kp [s^2]: rotor inertia, or all of it where no rigid body is known
-  damping,            ///< (kd + fv) / kp [s]
-  coulomb,            ///< Fc / kp [rad]
-  bias,               ///< [rad]
-  delay,              ///< [s]
-  stribeck,           ///< (Fs - Fc) / kp [rad]
-  stribeck_velocity,  ///< [rad/s]
-  load_friction,      ///< 1
-  compliance,         ///< 1 / kp [rad/(N m)]: what the rigid body's torque is multiplied with
-  limit,              ///< torque limit / kp [rad]
-  command_lag,        ///< time constant of the command's filter [s]
+  inertia,               ///< J / kp [s^2]: rotor inertia, or all of it where no rigid body is known
+  damping,               ///< (kd + fv) / kp [s]
+  coulomb,               ///< Fc / kp [rad]
+  bias,                  ///< [rad]
+  delay,                 ///< [s]
+  stribeck,              ///< (Fs - Fc) / kp [rad]
+  stribeck_velocity,     ///< [rad/s]
+  load_friction,         ///< 1
+  compliance,            ///< 1 / kp [rad/(N m)]: what the rigid body's torque is multiplied with
+  limit,                 ///< torque limit / kp [rad]
+  command_lag,           ///< time constant of the command's filter [s]
+  spring,                ///< stiffness of a spring at rest at q = 0, over kp; its rest is in the bias
+  backlash,              ///< half of the gap between servo and joint [rad]
+  gravity_compensation,  ///< part of the gravity torque that the servo adds of itself
 };
-constexpr int servo_parameters = 11;
+constexpr int servo_parameters = 14;
 /// d/d theta of one quantity, in the order of ServoParameter.
 using ServoSensitivity = Eigen::Array<double, servo_parameters, 1>;
 
 /// A servo joint with every torque divided by the stiffness kp:
-///   a ddq + c dq + f sgn dq + L = clip(u(t - delay) - q, limit),
-///   a = inertia + compliance M_jj,  L = bias + compliance h,
-///   f = coulomb + stribeck exp(-(dq / stribeck_velocity)^2) + load_friction |L|.
+///   a ddq + c dq + f sgn dq + L = clip(gap(u(t - delay) - q), limit),
+///   a = inertia + compliance M_jj,  L = bias + spring q + compliance (h - gravity_compensation g),
+///   f = coulomb + stribeck exp(-(dq / stribeck_velocity)^2) + load_friction |L|,
+/// gap(e) = 0 inside +-backlash, else e less it.
 struct ServoJoint {
   double inertia = 0.0;
   double damping = 0.0;
@@ -43,11 +47,14 @@ struct ServoJoint {
   double compliance = 0.0;
   double limit = std::numeric_limits<double>::infinity();
   double command_lag = 0.0;
+  double spring = 0.0;
+  double backlash = 0.0;
+  double gravity_compensation = 0.0;
 
   double& operator[](ServoParameter p) noexcept {
-    double* const all[servo_parameters] = {&inertia,    &damping,  &coulomb,           &bias,
-                                           &delay,      &stribeck, &stribeck_velocity, &load_friction,
-                                           &compliance, &limit,    &command_lag};
+    double* const all[servo_parameters] = {
+        &inertia,       &damping,    &coulomb, &bias,        &delay,  &stribeck, &stribeck_velocity,
+        &load_friction, &compliance, &limit,   &command_lag, &spring, &backlash, &gravity_compensation};
     return *all[static_cast<int>(p)];
   }
   double operator[](ServoParameter p) const noexcept { return const_cast<ServoJoint&>(*this)[p]; }
@@ -85,7 +92,13 @@ struct ServoInput {
   double command_rate = 0.0;  ///< minus d command / d delay: its change over the step, over h [rad/s]
   double inertia = 0.0;       ///< M_jj of the rigid body [kg m^2], 0 without one
   double load = 0.0;          ///< torque of the rigid body but M_jj ddq [N m], 0 without one
+  double gravity = 0.0;       ///< the part of it that is gravity's [N m]
 };
+
+/// What is left of a position error `e` behind a gap of +-`gap`.
+inline double behind_gap(double e, double gap) noexcept {
+  return std::abs(e) <= gap ? 0.0 : e - std::copysign(gap, e);
+}
 
 /// State of one servo joint in open loop, with the sensitivities of the discrete motion.
 ///
@@ -116,22 +129,26 @@ class ServoState {
       du.setZero();
       du[int(P::delay)] = -in.command_rate;
     }
-    if (p.command_lag > 0.0) {
-      const double w = h / (p.command_lag + h), slope = u - filtered;
-      filtered += w * slope;
-      if constexpr (sensitive) {
-        df += w * (du - df);
-        df[int(P::command_lag)] -= w * w / h * slope;
-        du = df;
-      }
-      u = filtered;
+    // Of no filter too the derivative is wanted, of one that would be there.
+    const double w_lag = h / (p.command_lag + h), slope_lag = u - filtered;
+    filtered += w_lag * slope_lag;
+    if constexpr (sensitive) {
+      df += w_lag * (du - df);
+      df[int(P::command_lag)] -= w_lag * w_lag / h * slope_lag;
+      du = df;
     }
+    u = filtered;
     const double a = p.inertia + p.compliance * in.inertia;
-    const double L = p.bias + p.compliance * in.load;
+    const double carried = in.load - p.gravity_compensation * in.gravity;
+    const double L = p.bias + p.spring * q + p.compliance * carried;
     double e = u - q;
+    const bool idle = std::abs(e) <= p.backlash && p.backlash > 0.0;
+    const double side = e > 0.0 ? 1.0 : -1.0;
+    if (p.backlash > 0.0) e = behind_gap(e, p.backlash);
     const bool saturated = std::abs(e) > p.limit;
     if (saturated) e = std::copysign(p.limit, e);
-    const double kappa = saturated ? 0.0 : 0.5 * h;
+    const bool held = saturated || idle;  // the torque does not follow the position
+    const double kappa = 0.5 * h * ((held ? 0.0 : 1.0) + p.spring);
     double bump = 0.0;
     if (p.stribeck > 0.0) {
       const double x = v / p.stribeck_velocity;
@@ -160,7 +177,12 @@ class ServoState {
         const double k = alpha * (v - w) / h;  // of a
         // d(R - s f) - w dD, term by term
         dw = (alpha * a / h) * dv;
-        if (!saturated) dw += du - dq;
+        const double of_load = 1.0 + s * sL * p.load_friction;
+        if (!held) {
+          dw += du - dq;
+          dw[int(P::backlash)] -= side;
+        }
+        if (p.spring != 0.0) dw -= of_load * p.spring * dq;
         if (p.stribeck > 0.0) {
           const double x = v / p.stribeck_velocity, slope = 2.0 * x * p.stribeck * bump / p.stribeck_velocity;
           dw += s * slope * dv;
@@ -170,9 +192,10 @@ class ServoState {
         dw[int(P::inertia)] += k;
         dw[int(P::damping)] -= w;
         dw[int(P::coulomb)] -= s;
-        const double of_load = 1.0 + s * sL * p.load_friction;
         dw[int(P::bias)] -= of_load;
-        dw[int(P::compliance)] += k * in.inertia - of_load * in.load;
+        dw[int(P::spring)] -= of_load * q + 0.5 * h * w;
+        dw[int(P::compliance)] += k * in.inertia - of_load * carried;
+        dw[int(P::gravity_compensation)] += of_load * p.compliance * in.gravity;
         dw[int(P::load_friction)] -= s * std::abs(L);
         if (saturated) dw[int(P::limit)] += e > 0.0 ? 1.0 : -1.0;
         dw /= D;

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dynid/diagnosis/servo_diagnose.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <mutex>
+
+#include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
+#include "dynid/identification/servo.hpp"
+#include "servo_gap.hpp"
+#include "servo_judge.hpp"
+#include "servo_report.hpp"
+
+namespace dynid {
+namespace {
+
+using namespace detail;
+
+/// The motion error of a model on every log: N x n, log after log.
+std::vector<Eigen::MatrixXd> motion_errors(const Robot& robot, const std::vector<Log>& logs) {
+  std::vector<Eigen::MatrixXd> out(logs.size());
+  tbb::parallel_for(std::size_t{0}, logs.size(),
+                    [&](std::size_t l) { out[l] = logs[l].q - replay_servos(robot, logs[l]).q; });
+  return out;
+}
+
+class ServoDiagnosis {
+ public:
+  ServoDiagnosis(const Robot& nominal, const std::vector<Log>& logs, const DiagnoseServosOptions& options)
+      : nominal_(nominal), logs_(logs), options_(options) {}
+
+  Diagnosis run() {
+    const auto start = std::chrono::steady_clock::now();
+    check();
+    say("replaying the nominal model", 0.0);
+    std::vector<DataIssue> issues;
+    check_servo_logs(logs_, nominal_, issues);
+    describe_servo_logs(nominal_, logs_, issues, d_);
+    judging_ = judging_rows(logs_);
+    const bool body = std::any_of(nominal_.joints.begin(), nominal_.joints.end(),
+                                  [](const Joint& j) { return j.servo->kp > 0.0; });
+    series_ = servo_series(logs_, body ? std::optional<Robot>(nominal_) : std::nullopt);
+    for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({});
+    for (int j = 0; j < nominal_.size(); ++j) answers_[std::size_t(j)].problem = whole(j);
+    before_ = motion_errors(nominal_, logs_);
+    std::vector<ServoProblemOfJoint> problems;
+    for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
+    measure_servo_gap(logs_, before_, problems, d_);
+    for (std::size_t j = 0; j < nominal_.joints.size(); ++j)
+      d_.unit[j] = joint_units(nominal_.joints[j].type).position;
+    if (!anything_moves()) {
+      d_.verdict = Verdict::data_invalid;
+      d_.next.text = "Record a log in which the commands move every joint.";
+    } else {
+      if (d_.p_value <= options_.criteria.detection) seek(body);
+      finish();
+    }
+    d_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return std::move(d_);
+  }
+
+ private:
+  void check() const {
+    validate(nominal_);
+    for (const Joint& joint : nominal_.joints)
+      if (!joint.servo)
+        throw Error("robot '" + nominal_.name + "': joint '" + joint.name +
+                    "' has no servo: a diagnosis from commands needs one on every joint (dynid identify "
+                    "--servo, or position actuators in an MJCF)");
+  }
+
+  void say(const std::string& stage, double fraction) const {
+    if (options_.progress) options_.progress(stage, fraction);
+  }
+
+  /// The joint's motion differs by more than noise and tolerance make.
+  bool off(std::size_t joint) const {
+    return std::any_of(d_.where.begin(), d_.where.end(), [&](const GapCell& cell) {
+      return cell.joint == static_cast<int>(joint) + 1 && cell.p_value <= options_.criteria.detection;
+    });
+  }
+
+  bool anything_moves() const {
+    return std::any_of(answers_.begin(), answers_.end(),
+                       [](const ServoAnswer& a) { return a.problem.scale.moves; });
+  }
+
+  ServoProblemOfJoint whole(int joint) const {
+    return joint_problem(nominal_, joint, series_[static_cast<std::size_t>(joint)], judging_, options_, 0);
+  }
+
+  bool withheld(const char* name) const {
+    return std::find(options_.withhold.begin(), options_.withhold.end(), name) != options_.withhold.end();
+  }
+
+  /// Every joint whose motion is off is searched by itself.
+  std::vector<ServoChoice> search(const ServoPayload& payload, const PayloadLoads* loads, double from,
+                                  double to) {
+    const std::size_t n = answers_.size();
+    std::vector<ServoChoice> out(n);
+    std::mutex mutex;
+    std::size_t done = 0;
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, n, 1),
+        [&](const tbb::blocked_range<std::size_t>& range) {
+          for (std::size_t j = range.begin(); j != range.end(); ++j) {
+            ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_,
+                                                  options_, options_.criteria.searched_rows);
+            if (loads != nullptr && payload.present) loads->add(payload, static_cast<int>(j), p);
+            out[j] = off(j) ? search_servo(p, options_.withhold, options_.criteria) : no_servo_effect(p);
+            const std::lock_guard<std::mutex> lock(mutex);
+            ++done;
+            say("seeking effects", from + (to - from) * double(done) / double(n));
+          }
+        },
+        tbb::simple_partitioner());
+    return out;
+  }
+
+  void seek(bool body) {
+    std::vector<ServoChoice> choices = search({}, nullptr, 0.1, 0.5);
+    std::optional<PayloadLoads> loads;
+    if (body && !withheld("payload")) {
+      loads.emplace(nominal_, logs_);
+      // Alone first: a payload that is all there is leaves its marks on many joints, each with a name of its
+      // own.
+      if (!with_payload(choices, *loads, false)) with_payload(choices, *loads, true);
+    }
+    say("judging", 0.8);
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      answers_[j].choice = std::move(choices[j]);
+      if (payload_.present) loads->add(payload_, static_cast<int>(j), answers_[j].problem);
+    }
+    tbb::parallel_for(std::size_t{0}, answers_.size(),
+                      [&](std::size_t j) { judge_servo(answers_[j], options_.criteria); });
+    if (payload_.present) refine_payload(*loads);
+  }
+
+  /// The payload once more, beside what was found, on every row and in the finer steps of the judge.
+  void refine_payload(const PayloadLoads& loads) {
+    std::vector<KnobFit> fits;
+    std::vector<double> samples;
+    std::vector<ServoProblemOfJoint> problems;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      fits.push_back(answers_[j].fit);
+      samples.push_back(answers_[j].samples);
+      problems.push_back(whole(static_cast<int>(j)));
+    }
+    const ServoPayload refined = fit_payload(nominal_, loads, problems, fits, samples, payload_);
+    if (!refined.present) return;
+    payload_.value = refined.value;
+    payload_.covariance = refined.covariance;
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      loads.add(payload_, static_cast<int>(j), problems[j]);
+      answers_[j].problem = std::move(problems[j]);
+    }
+  }
+
+  /// Seeks a payload by itself, or `beside` those of the joints' effects that it does not take the place of;
+  /// kept with the choices that go with it where the evidence for both together is larger.
+  bool with_payload(std::vector<ServoChoice>& choices, const PayloadLoads& loads, bool beside) {
+    std::vector<KnobFit> fits;
+    std::vector<std::vector<Knob>> kept;
+    std::vector<double> samples;
+    std::vector<ServoProblemOfJoint> problems;
+    for (std::size_t j = 0; j < choices.size(); ++j) {
+      ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
+                                            options_.criteria.searched_rows);
+      std::vector<int> stay;
+      for (const WeighedServoEffect& w : choices[j].effects) {
+        const Knob k = servo_effects()[static_cast<std::size_t>(w.effect)].free.front();
+        if (beside && k != Knob::bias && k != Knob::gravity_compensation && k != Knob::spring &&
+            k != Knob::inertia)
+          stay.push_back(w.effect);
+      }
+      kept.push_back(freed(stay));
+      Knobs x = p.nominal;
+      for (const Knob k : kept.back()) x[at(k)] = choices[j].fit.x[at(k)];
+      fits.push_back(fit_knobs(p, x, kept.back(), RowSet::fit, servo_width(p, x), choices[j].samples, 8));
+      samples.push_back(choices[j].samples);
+      problems.push_back(std::move(p));
+    }
+    ServoPayload payload = fit_payload(nominal_, loads, problems, fits, samples);
+    // What is left with it is smaller, and the nominal's own errors are others: by turns.
+    for (int round = 0; round < 2 && payload.present; ++round) {
+      for (std::size_t j = 0; j < problems.size(); ++j) {
+        ServoProblemOfJoint loaded = problems[j];
+        loads.add(payload, static_cast<int>(j), loaded);
+        fits[j] =
+            fit_knobs(loaded, fits[j].x, kept[j], RowSet::fit, servo_width(loaded, fits[j].x), samples[j], 8);
+      }
+      payload = fit_payload(nominal_, loads, problems, fits, samples, payload);
+    }
+    if (!payload.present || payload.gain <= options_.criteria.effect_gain) return false;
+    std::vector<ServoChoice> with = search(payload, &loads, 0.5, 0.8);
+    double gain = -2.0 * std::log(*std::max_element(samples.begin(), samples.end())) -
+                  std::log(double(servo_effects().size()));
+    for (std::size_t j = 0; j < choices.size(); ++j) gain += compared(j, choices[j], with[j], payload, loads);
+    if (gain <= options_.criteria.effect_gain) return false;
+    payload.gain = gain;
+    payload.probability = probability_of(gain, {});
+    payload_ = payload;
+    choices = std::move(with);
+    return true;
+  }
+
+  /// Evidence of a joint's set with the payload, less that of its set without: one width, one count.
+  double compared(std::size_t j, const ServoChoice& without, const ServoChoice& with,
+                  const ServoPayload& payload, const PayloadLoads& loads) const {
+    ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
+                                          options_.criteria.searched_rows),
+                        loaded = p;
+    loads.add(payload, static_cast<int>(j), loaded);
+    const double width = std::min(servo_width(p, without.fit.x), servo_width(loaded, with.fit.x));
+    const double samples = std::max(without.samples, with.samples);
+    const auto evidence = [&](const ServoProblemOfJoint& of, const ServoChoice& c) {
+      KnobFit fit = c.fit;
+      fit.loss = servo_loss(of, fit.x, RowSet::fit, width);
+      double out = log_evidence(of, fit, samples);
+      for (const WeighedServoEffect& w : c.effects) out -= price_of(w.effect, samples);
+      return out;
+    };
+    return evidence(loaded, with) - evidence(p, without);
+  }
+
+  /// Verdict, shrink, series, rollout, text.
+  void finish() {
+    d_.effects = found_servo_effects(nominal_, answers_, payload_, d_.rms, options_.criteria);
+    keep_only_what_was_found();
+    const Robot patched = patched_servos(nominal_, d_.effects);
+    const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
+    fill_servo_series(logs_, before_, after, judging_, d_);
+    shrink_servo(logs_, before_, after, judging_, d_);
+    rank_servo_effects(answers_, payload_, d_);
+    servo_verdict(options_.criteria, d_);
+    if (d_.verdict == Verdict::unexplained) d_.effects.clear();
+    if (options_.rollout) {
+      say("replaying short horizons", 0.95);
+      d_.rollout = servo_rollout(nominal_, d_.effects.empty() ? nominal_ : patched, logs_, judging_);
+    }
+    servo_next_experiment(d_);
+  }
+
+  /// An effect without a share is in no patch either.
+  void keep_only_what_was_found() {
+    for (ServoAnswer& a : answers_)
+      for (std::size_t k = a.effects.size(); k-- > 0;) {
+        const std::string name = servo_effects()[static_cast<std::size_t>(a.effects[k])].name;
+        if (std::any_of(d_.effects.begin(), d_.effects.end(),
+                        [&](const FoundEffect& e) { return e.effect.name == name; }))
+          continue;
+        a.effects.erase(a.effects.begin() + static_cast<std::ptrdiff_t>(k));
+      }
+  }
+
+  const Robot& nominal_;
+  const std::vector<Log>& logs_;
+  const DiagnoseServosOptions& options_;
+  Diagnosis d_;
+  std::vector<std::vector<char>> judging_;
+  std::vector<std::vector<ServoSeries>> series_;
+  std::vector<ServoAnswer> answers_;
+  std::vector<Eigen::MatrixXd> before_;
+  ServoPayload payload_;
+};
+
+}  // namespace
+
+const std::vector<std::string>& servo_effect_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> out;
+    for (const ServoEffect& e : servo_effects()) out.emplace_back(e.name);
+    return out;
+  }();
+  return names;
+}
+
+Diagnosis diagnose_servos(const Robot& nominal, const std::vector<Log>& logs,
+                          const DiagnoseServosOptions& options) {
+  return ServoDiagnosis(nominal, logs, options).run();
+}
+
+}  // namespace dynid

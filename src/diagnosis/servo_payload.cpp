@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "servo_payload.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "dynid/dynamics/joint_scale.hpp"
+#include "identification/servo_run.hpp"
+
+namespace dynid::detail {
+namespace {
+
+void add_scaled(ServoSeries& to, const ServoSeries& column, double factor, Eigen::Index first) {
+  const Eigen::Index n = to.q.size();
+  to.load += factor * column.load.segment(first, n);
+  to.inertia += factor * column.inertia.segment(first, n);
+  to.gravity += factor * column.gravity.segment(first, n);
+}
+
+}  // namespace
+
+StandardParameters ServoPayload::parameters() const {
+  LinkInertia point;
+  point.mass = value[0];
+  if (value[0] > 0.0) point.com = value.tail<3>() / value[0];
+  return to_standard(point);
+}
+
+PayloadLoads::PayloadLoads(const Robot& nominal, const std::vector<Log>& logs) {
+  for (int k = 0; k < 10; ++k) {
+    Robot unit = nominal;
+    for (Joint& joint : unit.joints) {
+      joint.parameters.setZero();
+      joint.friction = {};
+      joint.rotor_inertia = 0.0;
+    }
+    unit.joints.back().parameters[k] = 1.0;
+    columns_.push_back(servo_series(logs, unit));
+  }
+}
+
+void PayloadLoads::add(const ServoPayload& payload, int joint, std::vector<ServoSeries>& series) const {
+  const StandardParameters p = payload.parameters();
+  for (std::size_t k = 0; k < columns_.size(); ++k)
+    for (std::size_t l = 0; l < series.size(); ++l)
+      add_scaled(series[l], columns_[k][static_cast<std::size_t>(joint)][l], p[static_cast<Eigen::Index>(k)],
+                 0);
+}
+
+void PayloadLoads::add(const ServoPayload& payload, int joint, ServoProblemOfJoint& problem) const {
+  const StandardParameters p = payload.parameters();
+  for (ServoRows& rows : problem.rows)
+    for (std::size_t k = 0; k < columns_.size(); ++k)
+      add_scaled(rows.series,
+                 columns_[k][static_cast<std::size_t>(joint)][static_cast<std::size_t>(rows.series.log)],
+                 p[static_cast<Eigen::Index>(k)], rows.first);
+}
+
+ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
+                         const std::vector<ServoProblemOfJoint>& joints, const std::vector<KnobFit>& fits,
+                         const std::vector<double>& samples, const ServoPayload& start) {
+  constexpr int most_steps = 8;
+  constexpr double probe = 1e-3;  // of the arm's mass
+  double mass = 0.0;
+  for (const Joint& joint : nominal.joints) mass += std::max(0.0, joint.parameters[0]);
+  ServoPayload out = start;
+  out.present = false;
+  if (!(mass > 0.0)) return out;
+  const double reach = arm_reach(nominal);
+  const Eigen::Vector4d size(mass, mass * reach, mass * reach, mass * reach);
+  // Losses of the joints that know their stiffness, with a payload.
+  const auto residuals = [&](const ServoPayload& payload, const std::vector<KnobFit>& knobs) {
+    std::vector<std::vector<double>> r(joints.size());
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      if (!(joints[j].nominal[at(Knob::load_gain)] > 0.0)) continue;
+      ServoProblemOfJoint p = joints[j];
+      loads.add(payload, static_cast<int>(j), p);
+      for (const ServoRows& rows : p.rows) {
+        const Eigen::VectorXd q = servo_motion(p, knobs[j].x, rows);
+        for (Eigen::Index i = 1; i < q.size(); ++i)
+          if (rows.fit[static_cast<std::size_t>(i)]) r[j].push_back(rows.series.q[i] - q[i]);
+      }
+    }
+    return r;
+  };
+  // Log evidence, joints by their own independent samples, Huber's loss at the width of each.
+  const auto evidence = [&](const std::vector<std::vector<double>>& r) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      if (r[j].empty()) continue;
+      const double width = fits[j].width;
+      double loss = 0.0;
+      for (const double e : r[j]) loss += huber(e, width);
+      loss /= double(r[j].size());
+      sum -= 0.5 * samples[j] * std::log(2.0 * loss + joints[j].floor * joints[j].floor);
+    }
+    return sum;
+  };
+  const double before = evidence(residuals({}, fits));
+  std::vector<std::vector<double>> r = residuals(out, fits);
+  double now = evidence(r);
+  for (int step = 0; step < most_steps; ++step) {
+    Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d b = Eigen::Vector4d::Zero();
+    std::vector<std::vector<std::vector<double>>> moved;
+    for (int k = 0; k < 4; ++k) {
+      ServoPayload other = out;
+      other.value[k] += probe * size[k];
+      if (other.value[0] <= 0.0) other.value[0] = probe * size[0];
+      moved.push_back(residuals(other, fits));
+    }
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      if (r[j].empty()) continue;
+      double energy = 0.0;
+      for (const double e : r[j]) energy += std::min(e * e, fits[j].width * fits[j].width);
+      const double count = double(r[j].size()),
+                   weight = samples[j] / count / (energy / count + joints[j].floor * joints[j].floor);
+      for (std::size_t i = 0; i < r[j].size(); ++i) {
+        Eigen::Vector4d J;
+        for (int k = 0; k < 4; ++k) J[k] = -(moved[static_cast<std::size_t>(k)][j][i] - r[j][i]) / probe;
+        const double robust = std::min(1.0, fits[j].width / std::max(std::abs(r[j][i]), 1e-300));
+        A += weight * robust * J * J.transpose();
+        b += weight * robust * r[j][i] * J;
+      }
+    }
+    A.diagonal().array() += 1e-6 * A.diagonal().maxCoeff() + 1e-300;
+    const Eigen::Vector4d change = A.ldlt().solve(b);
+    bool better = false;
+    for (double part = 1.0; part > 0.05 && !better; part *= 0.5) {
+      ServoPayload next = out;
+      next.value += part * change.cwiseProduct(size);
+      next.value[0] = std::max(next.value[0], probe * size[0]);
+      const auto there = residuals(next, fits);
+      const double value = evidence(there);
+      if (value > now) {
+        better = value > now + 1e-3;
+        out.value = next.value;
+        r = there;
+        now = value;
+        if (!better) break;
+      }
+    }
+    if (!better) break;
+  }
+  // What a payload of other values does, less what the nominal's own errors would make of it, joint by joint.
+  Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
+  std::vector<std::vector<std::vector<double>>> moved;
+  for (int k = 0; k < 4; ++k) {
+    ServoPayload other = out;
+    other.value[k] += probe * size[k];
+    moved.push_back(residuals(other, fits));
+  }
+  std::vector<std::vector<std::vector<double>>> nominal_off;
+  for (const Knob knob : {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain}) {
+    std::vector<KnobFit> shifted = fits;
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      shifted[j].x[at(knob)] += joints[j].tolerance * std::abs(joints[j].nominal[at(knob)]);
+    nominal_off.push_back(residuals(out, shifted));
+  }
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (r[j].empty()) continue;
+    const auto rows = static_cast<Eigen::Index>(r[j].size());
+    const Eigen::Index others = static_cast<Eigen::Index>(nominal_off.size());
+    double energy = 0.0;
+    for (const double e : r[j]) energy += std::min(e * e, fits[j].width * fits[j].width);
+    const double weight =
+        samples[j] / double(rows) / (energy / double(rows) + joints[j].floor * joints[j].floor);
+    const Eigen::Map<const Eigen::VectorXd> now_j(r[j].data(), rows);
+    Eigen::MatrixXd J(rows, 4 + others);
+    for (Eigen::Index k = 0; k < 4; ++k)
+      J.col(k) = (now_j - Eigen::Map<const Eigen::VectorXd>(moved[std::size_t(k)][j].data(), rows)) / probe;
+    for (Eigen::Index k = 0; k < others; ++k)  // of one standard deviation
+      J.col(4 + k) = now_j - Eigen::Map<const Eigen::VectorXd>(nominal_off[std::size_t(k)][j].data(), rows);
+    Eigen::MatrixXd H = weight * J.transpose() * J;
+    H.bottomRightCorner(others, others).diagonal().array() += 1.0;
+    information += H.topLeftCorner<4, 4>() -
+                   H.topRightCorner(4, others) *
+                       H.bottomRightCorner(others, others).ldlt().solve(H.bottomLeftCorner(others, 4));
+  }
+  double most = 0.0;
+  for (const double s : samples) most = std::max(most, s);
+  out.gain = now - before - 2.0 * std::log(most) - std::log(double(servo_effects().size()));
+  information.diagonal().array() += 1e-9 * information.diagonal().maxCoeff() + 1e-300;
+  out.covariance =
+      size.asDiagonal() * information.ldlt().solve(Eigen::Matrix4d::Identity()) * size.asDiagonal();
+  // A payload is weighed against the arm's own bodies, whose scale is known to within the tolerance.
+  double tolerance = 0.0;
+  for (const ServoProblemOfJoint& joint : joints) tolerance = std::max(tolerance, joint.tolerance);
+  out.covariance += tolerance * tolerance * out.value * out.value.transpose();
+  // A body has mass, and is within what an arm can hold.
+  out.present =
+      out.value[0] > 2.0 * probe * size[0] && out.value.tail<3>().norm() < 2.0 * reach * out.value[0];
+  return out;
+}
+
+}  // namespace dynid::detail
