@@ -38,6 +38,13 @@ nb::object give_array(std::unique_ptr<double[]> data, std::vector<std::size_t> s
   return nb::cast(nb::ndarray<nb::numpy, double>(values, shape.size(), shape.data(), owner));
 }
 
+/// An array that NumPy makes, its entries not set.
+nb::object numpy_array(const std::vector<std::size_t>& shape) {
+  nb::list lengths;
+  for (const std::size_t k : shape) lengths.append(k);
+  return nb::module_::import_("numpy").attr("empty")(nb::tuple(lengths));
+}
+
 /// How many states there are, and whether they came as rows.
 std::size_t count_of(const PyRobot& robot, const Rows& x, const char* name, bool& batch) {
   const auto n = static_cast<std::size_t>(robot.model.robot.size());
@@ -78,14 +85,16 @@ nb::object evaluate(const PyRobot& robot, const Rows& q, std::vector<std::size_t
   if (batch) per_sample.insert(per_sample.begin(), count);
   std::size_t size = 1;
   for (const std::size_t k : per_sample) size *= k;
-  std::unique_ptr<double[]> made;
-  if (into.is_none()) made.reset(new double[size]);  // every entry is written
-  double* const out = into.is_none() ? made.get() : place_of(into, per_sample);
+  // A batch is NumPy's own memory, which asks for huge pages where it is large: ordinary ones cost a third of rnea.
+  const nb::object made = !into.is_none() ? nb::borrow(into) : batch ? numpy_array(per_sample) : nb::none();
+  std::unique_ptr<double[]> single;
+  if (made.is_none()) single.reset(new double[size]);  // every entry is written
+  double* const out = single ? single.get() : place_of(made, per_sample);
   {
     const nb::gil_scoped_release release;
     if (count > 0) use(static_cast<std::ptrdiff_t>(count), out);
   }
-  return into.is_none() ? give_array(std::move(made), per_sample) : nb::borrow(into);
+  return single ? give_array(std::move(single), per_sample) : made;
 }
 
 template <class Use>
