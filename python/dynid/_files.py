@@ -333,49 +333,65 @@ def _alike_states(path, joint_names, received, payloads, store):
 
     if len(payloads) < 2 or any(len(p) != len(payloads[0]) for p in payloads):
         return None
-    table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), -1)
-    return _states_of_bytes(path, joint_names, np.asarray(received, dtype=np.int64), table, store)
-
-
-def _states_of_bytes(path, joint_names, received, table, store):
-    import numpy as np
-
-    first = store.deserialize_cdr(bytes(table[0]), _STATE[0])
-    arrays = [np.asarray(a, dtype="<f8") for a in (first.position, first.velocity, first.effort)]
-    if table[0, 1] != 1:  # big-endian: seldom, and read one by one
+    layout = _StateLayout(bytes(payloads[0]), store)
+    if not layout.fits:
         return None
-    # The arrays end the message: effort last, each behind its length, aligned to 8 behind the 4 of the head.
-    end, places = table.shape[1], []
-    for array in reversed(arrays):
-        start = end - 8 * len(array)
-        places.insert(0, (start, end))
-        if len(array) and bytes(table[0, start:end]) != array.tobytes():
-            return None
-        end = start - 4
-        if len(array) and (start - 4) % 8 == 0 and int.from_bytes(bytes(table[0, end : end + 4]), "little") != len(array):
-            end -= 4  # the padding between a length and its numbers
-        if int.from_bytes(bytes(table[0, end : end + 4]), "little") != len(array):
-            return None
-    names_end = end
-    head = 12  # of the message: byte order (4), stamp (8)
-    if np.any(table[:, head:names_end] != table[0, head:names_end]):
-        return None
-    for start, stop in places:  # the lengths and paddings
-        if start >= 4 and np.any(table[:, start - 4 : start] != table[0, start - 4 : start]):
-            return None
-    stamps = table[:, 4:12].copy().view("<u4").astype(np.int64)
-    stamps = stamps[:, 0] * 10**9 + stamps[:, 1]
-    if not stamps.any():
-        stamps = received
-    parts = {}
-    for role, (start, stop) in zip(("pos", "vel", "eff"), places):
-        values = table[:, start:stop].copy().view("<f8")
-        if values.shape[1] < len(first.name):
-            continue
-        for j, joint in enumerate(first.name):
-            parts[joint, role] = (stamps, values[:, j])
-    chosen = _JointStates(path, joint_names)._chosen(list(first.name))
-    return _columns(path, chosen, parts, list(joint_names), None)
+    taken = layout.take(np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), -1))
+    return None if taken is None else layout.columns(path, joint_names, np.asarray(received, dtype=np.int64), taken)
+
+
+class _StateLayout:
+    """Where a serialised JointState has its numbers, by the first one: later ones of its length are taken apart many
+    at a time, where they differ in stamp and numbers alone."""
+
+    def __init__(self, first, store):
+        """`first`: bytes. `fits` says whether they can be taken apart so."""
+        import numpy as np
+
+        state = store.deserialize_cdr(first, _STATE[0])
+        self.names = list(state.name)
+        self.places = []
+        self.fits = first[1] == 1  # big-endian: seldom, and read one by one
+        # The arrays end the message: effort last, each behind its length, aligned to 8 behind the 4 of the head.
+        end = len(first)
+        for array in (state.effort, state.velocity, state.position):
+            array = np.asarray(array, dtype="<f8")
+            start = end - 8 * len(array)
+            self.places.insert(0, (start, end))
+            self.fits = self.fits and (not len(array) or first[start:end] == array.tobytes())
+            end = start - 4
+            if len(array) and (start - 4) % 8 == 0 and int.from_bytes(first[end : end + 4], "little") != len(array):
+                end -= 4  # the padding between a length and its numbers
+            self.fits = self.fits and int.from_bytes(first[end : end + 4], "little") == len(array)
+        # Behind byte order (4) and stamp (8): names, lengths and paddings, the same in all.
+        self.fixed = [(12, end)] + [(start - 4, start) for start, _ in self.places if start >= 4]
+        self.fixed = [(start, np.frombuffer(first[start:stop], dtype=np.uint8)) for start, stop in self.fixed]
+
+    def take(self, table):
+        """(stamps [ns], positions, velocities, efforts) of messages x bytes; None where one differs otherwise."""
+        import numpy as np
+
+        for start, wanted in self.fixed:
+            if np.any(table[:, start : start + len(wanted)] != wanted):
+                return None
+        stamps = table[:, 4:12].copy().view("<u4").astype(np.int64)
+        numbers = [table[:, start:stop].copy().view("<f8") for start, stop in self.places]
+        return stamps[:, 0] * 10**9 + stamps[:, 1], *numbers
+
+    def columns(self, path, joint_names, received, taken):
+        import numpy as np
+
+        stamps, *numbers = taken
+        if not stamps.any():
+            stamps = received
+        parts = {}
+        for role, values in zip(("pos", "vel", "eff"), numbers):
+            if values.shape[1] < len(self.names):
+                continue
+            for j, joint in enumerate(self.names):
+                parts[joint, role] = (stamps, values[:, j])
+        chosen = _JointStates(path, joint_names)._chosen(self.names)
+        return _columns(path, chosen, parts, list(joint_names), None)
 
 
 def _read_mcap(path, joint_names, topic, command_topic, episode):
@@ -445,7 +461,9 @@ def _mcap_alike(path, file, summary, topic, joint_names):
     numbers = [c.id for c in summary.channels.values() if c.topic == topic]
     if len(numbers) != 1 or not summary.chunk_indexes:
         return None
-    pieces, length = [], None
+    from rosbags.typesys import Stores, get_typestore
+
+    pieces, length, layout = [], None, None
     for index in sorted(summary.chunk_indexes, key=lambda i: i.message_start_time):
         if not index.message_index_offsets:
             return None
@@ -464,16 +482,18 @@ def _mcap_alike(path, file, summary, topic, joint_names):
         if records is None:
             return None
         length = records.shape[1]
-        pieces.append(records)
+        layout = layout or _StateLayout(records[0, 22:].tobytes(), get_typestore(Stores.ROS2_HUMBLE))
+        # Chunk by chunk: a chunk fits the processor's cache, an hour of it does not.
+        taken = layout.take(records[:, 22:]) if layout.fits else None
+        if taken is None:
+            return None
+        pieces.append((records[:, 6:14].copy().view("<u8").reshape(-1).astype(np.int64), *taken))
     if not pieces:
         return None
-    table = np.concatenate(pieces)
-    received = table[:, 6:14].copy().view("<u8").reshape(-1).astype(np.int64)
+    received, *taken = (np.concatenate(parts) for parts in zip(*pieces))
     if np.any(np.diff(received) < 0):
         return None
-    from rosbags.typesys import Stores, get_typestore
-
-    return _states_of_bytes(path, joint_names, received, table[:, 22:], get_typestore(Stores.ROS2_HUMBLE))
+    return layout.columns(path, joint_names, received, taken)
 
 
 def _records(raw, offsets, channel, length):
