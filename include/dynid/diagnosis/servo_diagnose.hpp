@@ -29,6 +29,10 @@ struct ServoCriteria {
   double least_share = 0.02;
   /// An effect is named where it is more likely than not.
   double least_probability = 0.5;
+  /// Where a joint's fit leaves more than this many times the noise, the forms are not the robot's, and no
+  /// name is surer than `most_probable`: on a real SO-101 two sets of motions agree on the size of what is
+  /// off, and on less than all of the names.
+  double form_error = 2.0, most_probable = 0.85;
   /// `explained` is said where the gap's energy shrinks by this part on data that took no part ...
   double least_shrink = 0.65;
   /// ... and what is left is below this many times noise and tolerance, or the shrink is this large.
