@@ -177,7 +177,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Hidden{"load_dependent_friction", 4, "coefficient", 0.3},
                     Hidden{"stribeck_friction", 7, "static", 0.02},
                     Hidden{"torque_saturation", 3, "limit", 0.035}, Hidden{"backlash", 2, "gap", 0.04}),
-    [](const testing::TestParamInfo<Hidden>& info) { return std::string(info.param.name); });
+    [](const testing::TestParamInfo<Hidden>& hidden) { return std::string(hidden.param.name); });
 
 TEST(ServoDiagnosis, NamesAPayload) {
   const Robot nominal = servo_arm();
