@@ -168,9 +168,10 @@ void add_diagnose(CLI::App& app, int& status) {
   a->model.add_to(*command, "--model");
   a->model.allow_inconsistent = true;
   command
-      ->add_option("--log", a->logs,
-                   "Logs of the robot (CSV: torques, or commands u1.. where the model has servos); of several, "
-                   "the last only judges")
+      ->add_option(
+          "--log", a->logs,
+          "Logs of the robot (CSV: torques, or commands u1.. where the model has servos); of several, "
+          "the last only judges")
       ->type_name("FILE...");
   command
       ->add_option(

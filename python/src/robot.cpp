@@ -85,7 +85,8 @@ nb::object evaluate(const PyRobot& robot, const Rows& q, std::vector<std::size_t
   if (batch) per_sample.insert(per_sample.begin(), count);
   std::size_t size = 1;
   for (const std::size_t k : per_sample) size *= k;
-  // A batch is NumPy's own memory, which asks for huge pages where it is large: ordinary ones cost a third of rnea.
+  // A batch is NumPy's own memory, which asks for huge pages where it is large: ordinary ones cost a third of
+  // rnea.
   const nb::object made = !into.is_none() ? nb::borrow(into) : batch ? numpy_array(per_sample) : nb::none();
   std::unique_ptr<double[]> single;
   if (made.is_none()) single.reset(new double[size]);  // every entry is written

@@ -7,8 +7,8 @@
 #include "app/check.hpp"
 #include "app/job.hpp"
 #include "dynid/app/option_error.hpp"
-#include "dynid/app/servo_diagnosis.hpp"
 #include "dynid/app/report.hpp"
+#include "dynid/app/servo_diagnosis.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
@@ -43,7 +43,8 @@ void add_model_warnings(const Robot& nominal, Diagnosis& diagnosis) {
 
 /// From commands and positions alone.
 void run_servos(const DiagnoseJob& job, const Context& context, DiagnoseReport& report) {
-  if (!job.assume.empty()) throw OptionError("assume", "logs of commands without torques are read as they are");
+  if (!job.assume.empty())
+    throw OptionError("assume", "logs of commands without torques are read as they are");
   DiagnoseServosOptions options;
   options.tolerance = job.options.tolerance;
   options.withhold = job.options.withhold;
@@ -84,10 +85,11 @@ bool is_servo_diagnosis(const Robot& nominal, const std::vector<Log>& logs) {
   for (const Log& log : logs) {
     if (log.tau.size() > 0) continue;
     if (log.u.size() == 0)
-      throw Error(log.source + ": columns tau1..tau" + std::to_string(nominal.size()) +
-                  " are missing" + (servos ? ", and commands u1.. too: a diagnosis needs one of them" : ""));
+      throw Error(log.source + ": columns tau1..tau" + std::to_string(nominal.size()) + " are missing" +
+                  (servos ? ", and commands u1.. too: a diagnosis needs one of them" : ""));
     if (!servos)
-      throw Error(log.source + ": has commands and no torque, and the model has no servo: identify them first "
+      throw Error(log.source +
+                  ": has commands and no torque, and the model has no servo: identify them first "
                   "(dynid identify --servo), or give a model with position actuators");
     any = true;
   }
@@ -148,8 +150,8 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
 std::optional<ModelFile> DiagnoseReport::patch() const {
   if (diagnosis.effects.empty()) return std::nullopt;
   if (of_motion(diagnosis))
-    return ModelFile{patched_servos(nominal, diagnosis.effects), {},
-                     "effects found by diagnosis of " + logs.front()};
+    return ModelFile{
+        patched_servos(nominal, diagnosis.effects), {}, "effects found by diagnosis of " + logs.front()};
   return ModelFile{patched(nominal, diagnosis.effects), {}, "effects found by diagnosis of " + logs.front()};
 }
 

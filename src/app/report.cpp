@@ -129,10 +129,13 @@ json residual_view(const Diagnosis& d, const json& json_of, const HeldOutLog& he
     if (!svg.empty()) plots.push_back(plot_view("Joint " + std::to_string(worst[k] + 1), std::move(svg)));
   }
   const auto log = static_cast<std::size_t>(held.log);
-  return {{"rows", d.series.t.size() > 0}, {"motion", of_motion(d)},
+  return {{"rows", d.series.t.size() > 0},
+          {"motion", of_motion(d)},
           {"cutoff", page_number(json_of.at("cutoff_hz"))},
-          {"whole_log", held.whole},       {"log", log < files.size() ? files[log] : ""},
-          {"any_plot", !plots.empty()},    {"plots", plots}};
+          {"whole_log", held.whole},
+          {"log", log < files.size() ? files[log] : ""},
+          {"any_plot", !plots.empty()},
+          {"plots", plots}};
 }
 
 json shrink_view(const json& json_of) {
@@ -197,7 +200,11 @@ json replay_view(const Diagnosis& d, const json& json_of) {
                         {"after", page_angle(replay.at("after").at(k))}});
   const bool any = !horizons.empty();
   const json plots = any ? replay_plots(d.rollout) : json::array();
-  return {{"any", any}, {"motion", of_motion(d)}, {"horizons", horizons}, {"any_plot", !plots.empty()}, {"plots", plots}};
+  return {{"any", any},
+          {"motion", of_motion(d)},
+          {"horizons", horizons},
+          {"any_plot", !plots.empty()},
+          {"plots", plots}};
 }
 
 void add_ranking_view(const json& json_of, json& view) {
