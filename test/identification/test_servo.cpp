@@ -120,7 +120,8 @@ TEST(ServoJoint, SensitivitiesAreTheDerivativesOfTheMotion) {
   ServoJoint joint;
   joint.inertia = 0.0025, joint.damping = 0.06, joint.coulomb = 0.012, joint.bias = 0.01, joint.delay = 0.023;
   joint.stribeck = 0.006, joint.stribeck_velocity = 0.2, joint.load_friction = 0.1, joint.compliance = 0.05;
-  joint.limit = 0.08, joint.command_lag = 0.01;
+  joint.limit = 0.08, joint.command_lag = 0.01, joint.spring = 0.1, joint.backlash = 0.004;
+  joint.gravity_compensation = 0.3;
   const Eigen::VectorXd t = stamps(400, 50.0), u = command(t, 3, 0.5);
   const HeldCommand held(t, u);
   const auto run = [&](const ServoJoint& p, auto& state) {
@@ -131,6 +132,7 @@ TEST(ServoJoint, SensitivitiesAreTheDerivativesOfTheMotion) {
         held.fill(t[i] + 0.005 * k, 0.005, p.delay, hint, in);
         in.inertia = 0.01 + 0.005 * std::sin(0.7 * t[i]);
         in.load = 0.4 * std::cos(1.1 * t[i]);
+        in.gravity = 0.3 * std::cos(1.1 * t[i]);
         state.step(p, in);
       }
   };
