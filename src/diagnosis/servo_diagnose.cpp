@@ -9,7 +9,7 @@
 #include <mutex>
 
 #include "dynid/base/error.hpp"
-#include "dynid/base/number.hpp"
+#include "dynid/base/statistics.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/identification/servo.hpp"
 #include "servo_gap.hpp"
@@ -45,20 +45,20 @@ class ServoDiagnosis {
     const bool body = std::any_of(nominal_.joints.begin(), nominal_.joints.end(),
                                   [](const Joint& j) { return j.servo->kp > 0.0; });
     series_ = servo_series(logs_, body ? std::optional<Robot>(nominal_) : std::nullopt);
-    for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({});
-    for (int j = 0; j < nominal_.size(); ++j) answers_[std::size_t(j)].problem = whole(j);
     before_ = motion_errors(nominal_, logs_);
-    std::vector<ServoProblemOfJoint> problems;
-    for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
-    measure_servo_gap(logs_, before_, problems, d_);
-    for (std::size_t j = 0; j < nominal_.joints.size(); ++j)
-      d_.unit[j] = joint_units(nominal_.joints[j].type).position;
-    if (!anything_moves()) {
-      d_.verdict = Verdict::data_invalid;
-      d_.next.text = "Record a log in which the commands move every joint.";
-    } else {
+    for (const Joint& joint : nominal_.joints) d_.unit.push_back(joint_units(joint.type).position);
+    if (measure_floors()) {
+      for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({whole(j), {}, {}, {}, {}, {}, 0.0});
+      std::vector<ServoProblemOfJoint> problems;
+      for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
+      measure_servo_gap(logs_, before_, problems, d_);
       if (d_.p_value <= options_.criteria.detection) seek(body);
       finish();
+    } else {
+      const auto n = static_cast<Eigen::Index>(nominal_.joints.size());
+      d_.rms = d_.floor = d_.tolerance = d_.upper = Eigen::VectorXd::Zero(n);
+      d_.verdict = Verdict::data_invalid;
+      d_.next.text = "Record a log in which the commands move every joint.";
     }
     d_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return std::move(d_);
@@ -85,13 +85,30 @@ class ServoDiagnosis {
     });
   }
 
-  bool anything_moves() const {
-    return std::any_of(answers_.begin(), answers_.end(),
-                       [](const ServoAnswer& a) { return a.problem.scale.moves; });
+  /// Noise of each joint's position; of one that never moves that of the others, which have such encoders.
+  /// False where no command moves.
+  bool measure_floors() {
+    std::vector<double> seen;
+    bool moves = false;
+    for (const std::vector<ServoSeries>& of_joint : series_) {
+      floors_.push_back(position_floor(of_joint));
+      if (floors_.back() > 0.0) seen.push_back(floors_.back());
+      moves = moves || knob_scale(of_joint).moves;
+    }
+    if (!moves) return false;
+    const double usual = median(std::move(seen));
+    for (double& floor : floors_)
+      if (floor <= 0.0) floor = usual;
+    return true;
   }
 
-  ServoProblemOfJoint whole(int joint) const {
-    return joint_problem(nominal_, joint, series_[static_cast<std::size_t>(joint)], judging_, options_, 0);
+  ServoProblemOfJoint problem(int joint, int most_rows) const {
+    const auto j = static_cast<std::size_t>(joint);
+    return joint_problem(nominal_, joint, series_[j], judging_, options_, floors_[j], most_rows);
+  }
+  ServoProblemOfJoint whole(int joint) const { return problem(joint, 0); }
+  ServoProblemOfJoint searched(std::size_t joint) const {
+    return problem(static_cast<int>(joint), options_.criteria.searched_rows);
   }
 
   bool withheld(const char* name) const {
@@ -109,8 +126,7 @@ class ServoDiagnosis {
         tbb::blocked_range<std::size_t>(0, n, 1),
         [&](const tbb::blocked_range<std::size_t>& range) {
           for (std::size_t j = range.begin(); j != range.end(); ++j) {
-            ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_,
-                                                  options_, options_.criteria.searched_rows);
+            ServoProblemOfJoint p = searched(j);
             if (loads != nullptr && payload.present) loads->add(payload, static_cast<int>(j), p);
             out[j] = off(j) ? search_servo(p, options_.withhold, options_.criteria) : no_servo_effect(p);
             const std::lock_guard<std::mutex> lock(mutex);
@@ -169,8 +185,7 @@ class ServoDiagnosis {
     std::vector<double> samples;
     std::vector<ServoProblemOfJoint> problems;
     for (std::size_t j = 0; j < choices.size(); ++j) {
-      ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
-                                            options_.criteria.searched_rows);
+      ServoProblemOfJoint p = searched(j);
       std::vector<int> stay;
       for (const WeighedServoEffect& w : choices[j].effects) {
         const Knob k = servo_effects()[static_cast<std::size_t>(w.effect)].free.front();
@@ -212,9 +227,7 @@ class ServoDiagnosis {
   /// Evidence of a joint's set with the payload, less that of its set without: one width, one count.
   double compared(std::size_t j, const ServoChoice& without, const ServoChoice& with,
                   const ServoPayload& payload, const PayloadLoads& loads) const {
-    ServoProblemOfJoint p = joint_problem(nominal_, static_cast<int>(j), series_[j], judging_, options_,
-                                          options_.criteria.searched_rows),
-                        loaded = p;
+    ServoProblemOfJoint p = searched(j), loaded = p;
     loads.add(payload, static_cast<int>(j), loaded);
     const double width = std::min(servo_width(p, without.fit.x), servo_width(loaded, with.fit.x));
     const double samples = std::max(without.samples, with.samples);
@@ -231,7 +244,6 @@ class ServoDiagnosis {
   /// Verdict, shrink, series, rollout, text.
   void finish() {
     d_.effects = found_servo_effects(nominal_, answers_, payload_, d_.rms, options_.criteria);
-    keep_only_what_was_found();
     const Robot patched = patched_servos(nominal_, d_.effects);
     const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
     fill_servo_series(logs_, before_, after, judging_, d_);
@@ -246,18 +258,6 @@ class ServoDiagnosis {
     servo_next_experiment(d_);
   }
 
-  /// An effect without a share is in no patch either.
-  void keep_only_what_was_found() {
-    for (ServoAnswer& a : answers_)
-      for (std::size_t k = a.effects.size(); k-- > 0;) {
-        const std::string name = servo_effects()[static_cast<std::size_t>(a.effects[k])].name;
-        if (std::any_of(d_.effects.begin(), d_.effects.end(),
-                        [&](const FoundEffect& e) { return e.effect.name == name; }))
-          continue;
-        a.effects.erase(a.effects.begin() + static_cast<std::ptrdiff_t>(k));
-      }
-  }
-
   const Robot& nominal_;
   const std::vector<Log>& logs_;
   const DiagnoseServosOptions& options_;
@@ -265,6 +265,7 @@ class ServoDiagnosis {
   std::vector<std::vector<char>> judging_;
   std::vector<std::vector<ServoSeries>> series_;
   std::vector<ServoAnswer> answers_;
+  std::vector<double> floors_;
   std::vector<Eigen::MatrixXd> before_;
   ServoPayload payload_;
 };

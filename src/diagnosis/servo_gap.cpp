@@ -37,6 +37,10 @@ std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs) {
 }
 
 double position_floor(const std::vector<ServoSeries>& series) {
+  double range = 0.0;
+  for (const ServoSeries& s : series)
+    range = std::max(range, std::max(s.q.maxCoeff() - s.q.minCoeff(), s.u.maxCoeff() - s.u.minCoeff()));
+  if (range <= 0.0) return 0.0;  // what differences of one number leave is rounding
   double step = 0.0;
   std::vector<double> noise;
   for (const ServoSeries& s : series) {
@@ -50,11 +54,8 @@ double position_floor(const std::vector<ServoSeries>& series) {
       noise.push_back(third[third.size() / 4] / 0.3186 / std::sqrt(20.0));  // quartile of |normal|
     }
   }
-  double range = 0.0;
-  for (const ServoSeries& s : series)
-    range = std::max(range, std::max(s.q.maxCoeff() - s.q.minCoeff(), s.u.maxCoeff() - s.u.minCoeff()));
   constexpr double least = 1e-6;  // of the travel: finer than any encoder
-  return std::max({step / std::sqrt(12.0), noise.empty() ? 0.0 : median(noise), least * range, 1e-300});
+  return std::max({step / std::sqrt(12.0), noise.empty() ? 0.0 : median(noise), least * range});
 }
 
 KnobScale knob_scale(const std::vector<ServoSeries>& series) {
@@ -87,13 +88,13 @@ KnobScale knob_scale(const std::vector<ServoSeries>& series) {
 
 ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::vector<ServoSeries>& series,
                                   const std::vector<std::vector<char>>& judging,
-                                  const DiagnoseServosOptions& options, int most_rows) {
+                                  const DiagnoseServosOptions& options, double floor, int most_rows) {
   ServoProblemOfJoint out;
   out.nominal = knobs_of(nominal, joint);
   out.scale = knob_scale(series);
   out.tolerance = options.tolerance;
   out.temperature = options.criteria.temperature;
-  out.floor = position_floor(series);
+  out.floor = floor;
   // Steps that resolve a plain servo of the nominal's frequency, or of one that the sampling shows at best.
   constexpr double fine = 0.1;
   const double fastest =
@@ -157,7 +158,9 @@ void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::Ma
     // A few independent ways for the nominal to be off; noise has its own spread, of the samples there are.
     const double allowed =
         d.tolerance[j] * d.tolerance[j] + d.floor[j] * d.floor[j] * (1.645 * std::sqrt(2.0 / samples));
-    p[static_cast<std::size_t>(j)] = beyond > 0.0 ? chance_beyond(beyond / allowed) : 1.0;
+    // A joint that was never asked to move may stick anywhere within its friction.
+    p[static_cast<std::size_t>(j)] =
+        beyond > 0.0 && joint.scale.moves ? chance_beyond(beyond / allowed) : 1.0;
     d.p_value = std::min(d.p_value, p[static_cast<std::size_t>(j)] * double(n));
     whole += energy / (d.floor[j] * d.floor[j]);
   }
@@ -183,7 +186,6 @@ void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::Ma
     for (int k = 0; k < 5; ++k)
       d.where.push_back({static_cast<int>(j) + 1, names[k], whole > 0.0 ? cells[k] / whole : 0.0,
                          p[static_cast<std::size_t>(j)]});
-    d.unit.push_back(joint_units(JointType::revolute).position);
   }
 }
 

@@ -12,16 +12,17 @@ namespace dynid::detail {
 /// of one.
 std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs);
 
-/// Standard deviation of a joint's measured position [rad]: of rounding to the encoder's step, or of what
-/// does not follow from sample to sample.
+/// Standard deviation of a joint's measured position [rad or m]: of rounding to the encoder's step, or of
+/// what does not follow from sample to sample; 0 where neither command nor position ever moves.
 double position_floor(const std::vector<ServoSeries>& series);
 
 KnobScale knob_scale(const std::vector<ServoSeries>& series);
 
-/// A joint with whole logs (`most_rows` 0), or with windows of them of so many rows together.
+/// A joint with whole logs (`most_rows` 0), or with windows of them of so many rows together. `floor`: the
+/// joint's position_floor(), or what stands in for it.
 ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::vector<ServoSeries>& series,
                                   const std::vector<std::vector<char>>& judging,
-                                  const DiagnoseServosOptions& options, int most_rows);
+                                  const DiagnoseServosOptions& options, double floor, int most_rows);
 
 /// Fills rms, floor, tolerance, upper, p_value, where of the diagnosis from the motion error `before` of each
 /// log (N x n).

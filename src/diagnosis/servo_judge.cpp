@@ -30,6 +30,12 @@ double motion_energy(const ServoProblemOfJoint& p, const Knobs& x) {
   return count > 0 ? sum / double(count) : 0.0;
 }
 
+/// What the search said of one of the effects that it chose.
+const WeighedServoEffect& weighed(const ServoAnswer& a, int effect) {
+  return *std::find_if(a.choice.effects.begin(), a.choice.effects.end(),
+                       [&](const WeighedServoEffect& w) { return w.effect == effect; });
+}
+
 Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects) {
   Knobs out = nominal;
   for (const Knob k : freed(effects)) out[at(k)] = x[at(k)];
@@ -37,8 +43,6 @@ Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects
 }
 
 }  // namespace
-
-Knobs ServoAnswer::turned() const { return only(problem.nominal, fit.x, effects); }
 
 double probability_of(double gain, const std::vector<std::pair<double, std::string>>& rivals) {
   double others = std::exp(-gain);
@@ -105,29 +109,28 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
     std::size_t worst = 0;
     std::vector<double> of_class;
     for (std::size_t k = 0; k < a.effects.size(); ++k) {
-      const auto w = std::find_if(a.choice.effects.begin(), a.choice.effects.end(),
-                                  [&](const WeighedServoEffect& e) { return e.effect == a.effects[k]; });
+      const WeighedServoEffect& w = weighed(a, a.effects[k]);
       std::vector<int> others = a.effects;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
       const KnobFit without = refit(others, only(p.nominal, a.fit.x, others));
       // On every row, in finer steps than the search takes.
       const double gain =
-          std::min(w->gain, log_evidence(p, a.fit, a.samples) - log_evidence(p, without, a.samples) -
-                                price_of(a.effects[k], a.samples));
+          std::min(w.gain, log_evidence(p, a.fit, a.samples) - log_evidence(p, without, a.samples) -
+                               price_of(a.effects[k], a.samples));
       // Data that do not show an effect say nothing against it: only those that are worse with it do.
       const double held_out =
           with.empty() ? 1.0
                        : std::min(1.0, 2.0 * borne_out(judging_losses(p, without, a.fit.width, a.samples),
                                                        with, held_samples));
-      a.probability[k] = std::min(probability_of(gain, w->rivals), held_out);
+      a.probability[k] = std::min(probability_of(gain, w.rivals), held_out);
       // Which of two that look alike is open; that one of them is there need not be.
       std::vector<std::pair<double, std::string>> unlike;
-      for (const auto& rival : w->rivals)
+      for (const auto& rival : w.rivals)
         if (rival.first <= -criteria.indistinct) unlike.push_back(rival);
       of_class.push_back(std::min(probability_of(gain, unlike), held_out));
       std::vector<std::string> aliases;
       for (const char* name : effect_of(a.effects[k]).aliases) aliases.emplace_back(name);
-      for (const auto& [difference, name] : w->rivals)
+      for (const auto& [difference, name] : w.rivals)
         if (difference > -criteria.indistinct && name != effect_of(a.effects[k]).name &&
             std::find(aliases.begin(), aliases.end(), name) == aliases.end())
           aliases.push_back(name);
@@ -258,7 +261,7 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
         if (name != effect.name) continue;
         found.effect.joints.push_back(static_cast<int>(j) + 1);
         // Of several joints the one that shows it most says most of whether it is there.
-        const double own = std::max(1.0, a.choice.effects.size() > k ? a.choice.effects[k].gain : 1.0);
+        const double own = std::max(1.0, weighed(a, a.effects[k]).gain);
         found.probability += own * a.probability[k];
         weight += own;
         for (const std::string& alias : a.aliases[k])

@@ -18,9 +18,6 @@ struct ServoAnswer {
   std::vector<std::vector<std::string>> aliases;
   KnobFit fit;
   double samples = 0.0;
-
-  /// The nominal knobs, turned as the effects say and no further.
-  Knobs turned() const;
 };
 
 /// Fits the chosen effects on all rows, drops what the judging rows do not bear out, and weighs the rest.

@@ -18,6 +18,10 @@ void add_scaled(ServoSeries& to, const ServoSeries& column, double factor, Eigen
   to.gravity += factor * column.gravity.segment(first, n);
 }
 
+Eigen::Map<const Eigen::VectorXd> column(const std::vector<double>& x) {
+  return {x.data(), static_cast<Eigen::Index>(x.size())};
+}
+
 }  // namespace
 
 StandardParameters ServoPayload::parameters() const {
@@ -38,14 +42,6 @@ PayloadLoads::PayloadLoads(const Robot& nominal, const std::vector<Log>& logs) {
     unit.joints.back().parameters[k] = 1.0;
     columns_.push_back(servo_series(logs, unit));
   }
-}
-
-void PayloadLoads::add(const ServoPayload& payload, int joint, std::vector<ServoSeries>& series) const {
-  const StandardParameters p = payload.parameters();
-  for (std::size_t k = 0; k < columns_.size(); ++k)
-    for (std::size_t l = 0; l < series.size(); ++l)
-      add_scaled(series[l], columns_[k][static_cast<std::size_t>(joint)][l], p[static_cast<Eigen::Index>(k)],
-                 0);
 }
 
 void PayloadLoads::add(const ServoPayload& payload, int joint, ServoProblemOfJoint& problem) const {
@@ -97,32 +93,39 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     }
     return sum;
   };
+  // Of the residuals by the payload, joint by joint: rows x 4, in parts of `size`.
+  const auto slopes = [&](const ServoPayload& payload, const std::vector<std::vector<double>>& r) {
+    std::vector<Eigen::MatrixXd> J;
+    for (const std::vector<double>& of_joint : r) J.emplace_back(of_joint.size(), 4);
+    for (int k = 0; k < 4; ++k) {
+      ServoPayload other = payload;
+      other.value[k] += probe * size[k];
+      if (other.value[0] <= 0.0) other.value[0] = probe * size[0];
+      const std::vector<std::vector<double>> moved = residuals(other, fits);
+      for (std::size_t j = 0; j < r.size(); ++j) J[j].col(k) = (column(r[j]) - column(moved[j])) / probe;
+    }
+    return J;
+  };
+  // Evidence a row and a squared residual: independent samples over what is left.
+  const auto weight_of = [&](std::size_t j, const std::vector<double>& r) {
+    const double width = fits[j].width, count = double(r.size());
+    double energy = 0.0;
+    for (const double e : r) energy += std::min(e * e, width * width);
+    return samples[j] / count / (energy / count + joints[j].floor * joints[j].floor);
+  };
   const double before = evidence(residuals({}, fits));
   std::vector<std::vector<double>> r = residuals(out, fits);
   double now = evidence(r);
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
     Eigen::Vector4d b = Eigen::Vector4d::Zero();
-    std::vector<std::vector<std::vector<double>>> moved;
-    for (int k = 0; k < 4; ++k) {
-      ServoPayload other = out;
-      other.value[k] += probe * size[k];
-      if (other.value[0] <= 0.0) other.value[0] = probe * size[0];
-      moved.push_back(residuals(other, fits));
-    }
+    const std::vector<Eigen::MatrixXd> J = slopes(out, r);
     for (std::size_t j = 0; j < joints.size(); ++j) {
       if (r[j].empty()) continue;
-      double energy = 0.0;
-      for (const double e : r[j]) energy += std::min(e * e, fits[j].width * fits[j].width);
-      const double count = double(r[j].size()),
-                   weight = samples[j] / count / (energy / count + joints[j].floor * joints[j].floor);
-      for (std::size_t i = 0; i < r[j].size(); ++i) {
-        Eigen::Vector4d J;
-        for (int k = 0; k < 4; ++k) J[k] = -(moved[static_cast<std::size_t>(k)][j][i] - r[j][i]) / probe;
-        const double robust = std::min(1.0, fits[j].width / std::max(std::abs(r[j][i]), 1e-300));
-        A += weight * robust * J * J.transpose();
-        b += weight * robust * r[j][i] * J;
-      }
+      const Eigen::VectorXd robust =
+          weight_of(j, r[j]) * (fits[j].width / column(r[j]).cwiseAbs().array().max(fits[j].width)).matrix();
+      A += J[j].transpose() * robust.asDiagonal() * J[j];
+      b += J[j].transpose() * robust.cwiseProduct(column(r[j]));
     }
     A.diagonal().array() += 1e-6 * A.diagonal().maxCoeff() + 1e-300;
     const Eigen::Vector4d change = A.ldlt().solve(b);
@@ -145,12 +148,7 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   }
   // What a payload of other values does, less what the nominal's own errors would make of it, joint by joint.
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
-  std::vector<std::vector<std::vector<double>>> moved;
-  for (int k = 0; k < 4; ++k) {
-    ServoPayload other = out;
-    other.value[k] += probe * size[k];
-    moved.push_back(residuals(other, fits));
-  }
+  const std::vector<Eigen::MatrixXd> of_payload = slopes(out, r);
   std::vector<std::vector<std::vector<double>>> nominal_off;
   for (const Knob knob : {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain}) {
     std::vector<KnobFit> shifted = fits;
@@ -162,17 +160,11 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     if (r[j].empty()) continue;
     const auto rows = static_cast<Eigen::Index>(r[j].size());
     const Eigen::Index others = static_cast<Eigen::Index>(nominal_off.size());
-    double energy = 0.0;
-    for (const double e : r[j]) energy += std::min(e * e, fits[j].width * fits[j].width);
-    const double weight =
-        samples[j] / double(rows) / (energy / double(rows) + joints[j].floor * joints[j].floor);
-    const Eigen::Map<const Eigen::VectorXd> now_j(r[j].data(), rows);
     Eigen::MatrixXd J(rows, 4 + others);
-    for (Eigen::Index k = 0; k < 4; ++k)
-      J.col(k) = (now_j - Eigen::Map<const Eigen::VectorXd>(moved[std::size_t(k)][j].data(), rows)) / probe;
+    J.leftCols<4>() = of_payload[j];
     for (Eigen::Index k = 0; k < others; ++k)  // of one standard deviation
-      J.col(4 + k) = now_j - Eigen::Map<const Eigen::VectorXd>(nominal_off[std::size_t(k)][j].data(), rows);
-    Eigen::MatrixXd H = weight * J.transpose() * J;
+      J.col(4 + k) = column(r[j]) - column(nominal_off[std::size_t(k)][j]);
+    Eigen::MatrixXd H = weight_of(j, r[j]) * J.transpose() * J;
     H.bottomRightCorner(others, others).diagonal().array() += 1.0;
     information += H.topLeftCorner<4, 4>() -
                    H.topRightCorner(4, others) *

@@ -25,9 +25,7 @@ struct ServoPayload {
 class PayloadLoads {
  public:
   PayloadLoads(const Robot& nominal, const std::vector<Log>& logs);
-  /// Adds the loads of `payload` to the series of joint `joint` (from 0), log after log.
-  void add(const ServoPayload& payload, int joint, std::vector<ServoSeries>& series) const;
-  /// The same for windows of them.
+  /// Adds the loads of `payload` to joint `joint` (from 0).
   void add(const ServoPayload& payload, int joint, ServoProblemOfJoint& problem) const;
 
  private:

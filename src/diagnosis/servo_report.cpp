@@ -239,9 +239,10 @@ void servo_verdict(const ServoCriteria& c, Diagnosis& d) {
              "what is left there, in multiples of noise and tolerance, on the worst joint"));
   d.judgement.push_back(judged("least_probability", least, c.least_probability, least >= c.least_probability,
                                "least probability of an effect named"));
-  if (fraction >= c.fully_explained || (fraction >= c.least_shrink && !left))
+  if (least >= c.least_probability &&
+      (fraction >= c.fully_explained || (fraction >= c.least_shrink && !left)))
     d.verdict = Verdict::explained;
-  else if (fraction > 0.0 && d.shrink.low > -0.1)
+  else if (fraction >= c.least_gain && d.shrink.low > 0.0)
     d.verdict = Verdict::partly_explained;
   else
     d.verdict = Verdict::unexplained;

@@ -148,7 +148,9 @@ class ServoSearch {
   }
 
   Trial grow(Trial best) {
-    while (static_cast<int>(best.set.size()) < criteria_.most_effects) {
+    // What is put in may be taken out again, by another width of the loss: twice as often as there is room.
+    for (int step = 0; step < 2 * criteria_.most_effects; ++step) {
+      if (static_cast<int>(best.set.size()) >= criteria_.most_effects) break;
       std::vector<Trial> tried = candidates(best, others(best.set));
       if (tried.empty()) break;
       settle(tried.front().fit.x);
@@ -247,8 +249,6 @@ class ServoSearch {
     ServoChoice out;
     out.fit = best.fit;
     out.evidence = best.evidence;
-    const Trial none{{}, fit({}, p_.nominal, many), 0.0};
-    out.evidence_without = evidence({}, none.fit);
     out.samples = samples_;
     out.alone = alone_;
     for (const int e : best.set) {
@@ -299,7 +299,7 @@ ServoChoice no_servo_effect(const ServoProblemOfJoint& p) {
   ServoChoice out;
   out.samples = independent_samples(p, p.nominal);
   out.fit = fit_knobs(p, p.nominal, {}, RowSet::fit, servo_width(p, p.nominal), out.samples, few);
-  out.evidence = out.evidence_without = log_evidence(p, out.fit, out.samples);
+  out.evidence = log_evidence(p, out.fit, out.samples);
   return out;
 }
 

@@ -20,8 +20,8 @@ struct WeighedServoEffect {
 /// What the search of one joint found.
 struct ServoChoice {
   std::vector<WeighedServoEffect> effects;
-  KnobFit fit;                                    ///< with them, on the rows searched
-  double evidence = 0.0, evidence_without = 0.0;  ///< with them; with none
+  KnobFit fit;            ///< with them, on the rows searched
+  double evidence = 0.0;  ///< with them
   double samples = 0.0;
   std::vector<std::pair<std::string, double>> alone;  ///< of each effect alone: name, part of the loss gone
 };

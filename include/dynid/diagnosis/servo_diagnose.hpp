@@ -23,7 +23,8 @@ struct ServoCriteria {
   /// Evidence within which two effects are not told apart: e^-2 to one is one in eight.
   double indistinct = 2.0;
   /// Part by which an effect has to lower the mean loss on each half of the data in turn, when fitted on the
-  /// other: a twentieth is what the loss of one log changes by when nothing is missing.
+  /// other: a twentieth is what the loss of one log changes by when nothing is missing. Of the gap's energy a
+  /// smaller part is no explanation, not even partly.
   double least_gain = 0.05;
   /// A share below this of what is explained on every one of its joints is none.
   double least_share = 0.02;
@@ -33,7 +34,8 @@ struct ServoCriteria {
   /// name is surer than `most_probable`: on a real SO-101 two sets of motions agree on the size of what is
   /// off, and on less than all of the names.
   double form_error = 2.0, most_probable = 0.85;
-  /// `explained` is said where the gap's energy shrinks by this part on data that took no part ...
+  /// `explained` is said where every effect named has `least_probability`, the gap's energy shrinks by this
+  /// part on data that took no part ...
   double least_shrink = 0.65;
   /// ... and what is left is below this many times noise and tolerance, or the shrink is this large.
   double left_over = 4.0, fully_explained = 0.9;
@@ -55,6 +57,8 @@ const std::vector<std::string>& servo_effect_names();
 
 /// Tells where the motion that a model with servos makes of logged commands leaves the measured one, which
 /// effects make the difference, and how far it shrinks with them.
+///
+/// A joint that no command moves is not searched: where it sticks is any place within its friction.
 ///
 /// nominal: every joint has a servo. logs: t [s], u and q [rad or m], N x n each; of several the last only
 /// judges, of one the last part of each half. The residual is q less the open-loop replay (replay_servos());
