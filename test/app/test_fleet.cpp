@@ -21,8 +21,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Of this test alone: ctest runs several at once.
 std::string temporary(const std::string& name) {
-  const fs::path path = fs::path(::testing::TempDir()) / ("dynid_fleet_" + name);
+  const std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+  const fs::path path = fs::path(::testing::TempDir()) / ("dynid_fleet_" + test + "_" + name);
   fs::remove_all(path);
   return path.string();
 }
