@@ -39,7 +39,9 @@ class TorqueEstimatorNode {
         tuned_(setup_.core.estimator),
         frames_(setup_.model.file.robot, setup_.frames),
         core_(model(), setup_.joints, setup_.core),
-        outputs_(private_, setup_.joints, frames_.wrench_frame_name(), setup_.queue),
+        outputs_(private_, setup_.joints, link_names(setup_),
+                 setup_.frames.prefix + setup_.model.file.robot.base_link, frames_.wrench_frame_name(),
+                 setup_.queue),
         diagnostics_(setup_.joints, handle_.resolveName(setup_.topic), setup_.silence),
         watch_(static_cast<int>(setup_.joints.size()), setup_.assumed ? 0.0 : setup_.reading_window) {
     core_.set_wrench_frame(frames_.wrench_frame());
@@ -134,7 +136,7 @@ class TorqueEstimatorNode {
 
   void publish_model() {
     std_msgs::String message;
-    message.data = to_yaml(setup_.model.file);
+    message.data = to_yaml(setup_.model.file, setup_.model.uncertainty);
     model_publisher_.publish(message);
   }
 
@@ -191,9 +193,19 @@ class TorqueEstimatorNode {
                                         robot.joints[i].name + "', not '" + before.joints[i].name + "'");
     frames_.set_robot(robot);
     core_.adopt(model(robot, setup_.payload));
+    if (parameters_.number("false_alarms_per_hour", 0.0, {0.0, 3600.0}) > 0.0) {
+      setup_.core.estimator.uncertainty = tuned_.uncertainty = loaded.uncertainty;
+      core_.retune(tuned_);
+    }
     setup_.model = std::move(loaded);
     publish_model();
     return setup_.model.path;
+  }
+
+  static std::vector<std::string> link_names(const EstimatorSetup& setup) {
+    std::vector<std::string> names;
+    for (const Joint& joint : setup.model.file.robot.joints) names.push_back(joint.link_name);
+    return names;
   }
 
   ros::NodeHandle handle_, private_{"~"};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/servo_diagnosis.hpp"
+#include "dynid/app/uncertainty.hpp"
 
 #include <filesystem>
 #include <iostream>
@@ -147,7 +148,8 @@ int run(const Arguments& a) {
 
   nlohmann::json result = to_json(report);
   const std::string page = a.report.empty() ? "" : report.html(command_line(a), DYNID_VERSION);
-  if (const auto patch = report.patch(); patch && !a.patch.empty()) write_model(a.patch, *patch);
+  if (const auto patch = report.patch(); patch && !a.patch.empty())
+    write_model(a.patch, *patch, uncertainty_of(job, report).uncertainty);
   if (const Trajectory& next = report.diagnosis.next.motion;
       !a.next_trajectory.empty() && next.samples() > 0) {
     write_trajectory(a.next_trajectory, next);

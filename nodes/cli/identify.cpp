@@ -8,6 +8,7 @@
 #include "dynid/app/choices.hpp"
 #include "dynid/app/friction.hpp"
 #include "dynid/app/servo.hpp"
+#include "dynid/app/uncertainty.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/model/yaml.hpp"
 
@@ -27,11 +28,12 @@ struct Arguments {
 
 /// Model, JSON and summary of what was made.
 template <class Report>
-void write(const Arguments& a, const Report& report) {
-  if (!a.out.empty()) write_model(a.out, report.model());
+void write(const Arguments& a, const Report& report, const LearntUncertainty& learnt = {}) {
+  if (!a.out.empty()) write_model(a.out, report.model(), learnt.uncertainty);
   a.output.write(to_json(report));
   if (!a.output.summary()) return;
   print(std::cout, report);
+  if (!learnt.note.empty()) std::cout << "Without the residual's uncertainty: " << learnt.note << "\n";
   if (!a.out.empty()) std::cout << "Model written to " << a.out << "\n";
 }
 
@@ -60,7 +62,8 @@ void run(const Arguments& a) {
     return write(
         a, run(FrictionJob{job.robot, job.source, job.logs, job.options, job.assume}, progress.context()));
   job.validation = read_logs(a.input, a.validation, job.robot, progress);
-  write(a, run(job, progress.context()));
+  const IdentifyReport report = run(job, progress.context());
+  write(a, report, a.out.empty() ? LearntUncertainty() : uncertainty_of(job, report));
 }
 
 }  // namespace

@@ -122,6 +122,7 @@ const EstimatorAnswer& EstimatorCore::handle(const sensor_msgs::JointState& mess
   answer_.joint = -1;
   answer_.status = Status::ok;
   answer_.has_wrench = false;
+  answer_.has_push = false;
   answer(message, now);
 
   if (answer_.withheld == Withheld::none) {
@@ -213,13 +214,14 @@ void EstimatorCore::answer(const sensor_msgs::JointState& message, double now) n
 
   if (has(status, Status::limits_exceeded)) ++record_.beyond_limits;
   if (has(status, Status::near_singular)) ++record_.near_singular;
-  record_.contact = estimate.contact.any();
+  record_.contact = estimate.tested ? estimate.pushed.detected : estimate.contact.any();
   watch_rest(dt);
-  if (options_.wrench_near_singularities || !has(status, Status::near_singular)) express_wrench();
+  const bool wrench = options_.wrench_near_singularities || !has(status, Status::near_singular);
+  if (wrench || estimate.pushed.detected) express_wrench(wrench);
 }
 
-// The estimator's wrench is about the tip and in the axes of the base.
-void EstimatorCore::express_wrench() noexcept {
+// The estimator's wrenches are about the tip and in the axes of the base.
+void EstimatorCore::express_wrench(bool wrench) noexcept {
   frames_.update();
   const WrenchFrame& frame = frames_.front();
   if (!frame.known) return;
@@ -227,10 +229,19 @@ void EstimatorCore::express_wrench() noexcept {
   const Eigen::Isometry3d pose =
       frame.link < 0 ? frame.pose : poses_[static_cast<std::size_t>(frame.link)] * frame.pose;
   const Eigen::Vector3d arm = poses_.back().translation() - pose.translation();
-  const Eigen::Vector3d force = estimator_.estimate().wrench.head<3>();
-  const Eigen::Vector3d moment = estimator_.estimate().wrench.tail<3>() + arm.cross(force);
-  answer_.wrench << pose.linear().transpose() * force, pose.linear().transpose() * moment;
-  answer_.has_wrench = true;
+  const Eigen::Matrix3d turn = pose.linear().transpose();
+  Eigen::Matrix3d lever;  // times a vector: arm x vector
+  lever << 0.0, -arm.z(), arm.y(), arm.z(), 0.0, -arm.x(), -arm.y(), arm.x(), 0.0;
+  Eigen::Matrix<double, 6, 6> to_frame = Eigen::Matrix<double, 6, 6>::Zero();
+  to_frame.topLeftCorner<3, 3>() = to_frame.bottomRightCorner<3, 3>() = turn;
+  to_frame.bottomLeftCorner<3, 3>().noalias() = turn * lever;
+  const Estimate<>& estimate = estimator_.estimate();
+  if (wrench) answer_.wrench.noalias() = to_frame * estimate.wrench;
+  answer_.has_wrench = wrench;
+  if (!estimate.pushed.detected) return;
+  answer_.push.noalias() = to_frame * estimate.pushed.wrench;
+  answer_.push_covariance.noalias() = to_frame * estimate.pushed.covariance * to_frame.transpose();
+  answer_.has_push = true;
 }
 
 void EstimatorCore::watch_rest(double dt) noexcept {

@@ -51,6 +51,10 @@ struct EstimatorAnswer {
   const Estimate<>* estimate = nullptr;  ///< never null after handle()
   bool has_wrench = false;  ///< the frame is known, and the arm not near a singularity (or that was allowed)
   Eigen::Matrix<double, 6, 1> wrench = Eigen::Matrix<double, 6, 1>::Zero();  ///< force [N], moment [N m]
+  bool has_push = false;  ///< the contact test sees one, and the frame is known
+  /// Of the push, about the frame's origin and in its axes, with its covariance.
+  Eigen::Matrix<double, 6, 1> push = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 6> push_covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 /// What the messages were like, for the diagnostics. Counts are from the start.
@@ -108,7 +112,7 @@ class EstimatorCore {
  private:
   void answer(const sensor_msgs::JointState& message, double now) noexcept;
   void withhold(Withheld why, int joint = -1) noexcept;
-  void express_wrench() noexcept;
+  void express_wrench(bool wrench) noexcept;
   void watch_rest(double dt) noexcept;
   static double settling_time(const TorqueEstimatorOptions& options);
 

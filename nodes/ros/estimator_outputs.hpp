@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <geometry_msgs/AccelWithCovarianceStamped.h>
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Bool.h>
+#include <std_msgs/String.h>
+#include <visualization_msgs/Marker.h>
 
 #include <string>
 #include <vector>
@@ -18,8 +21,10 @@ namespace dynid {
 /// messages are made once; roscpp serialises them only where someone listens.
 class EstimatorOutputs {
  public:
-  /// queue: of each topic; a subscriber that falls further behind loses the oldest.
+  /// links: names, base to tip; base: frame of the arm's base in tf, for the marker; queue: of each topic; a
+  /// subscriber that falls further behind loses the oldest.
   EstimatorOutputs(ros::NodeHandle& handle, const std::vector<std::string>& joints,
+                   const std::vector<std::string>& links, const std::string& base,
                    const std::string& wrench_frame, int queue);
 
   /// For an answer that is not withheld.
@@ -33,8 +38,16 @@ class EstimatorOutputs {
   template <class Values>
   static void publish(Torques& torques, const Values& values, const ros::Time& stamp);
 
-  Torques tau_model_, tau_friction_, tau_ext_, residual_, contact_joints_;
-  ros::Publisher wrench_publisher_, contact_publisher_;
+  void publish_push(const EstimatorAnswer& answer, const ros::Time& stamp);
+  void publish_marker(const Contact<>& push, const ros::Time& stamp);
+
+  Torques tau_model_, tau_friction_, tau_ext_, residual_, contact_joints_, kalman_;
+  ros::Publisher wrench_publisher_, contact_publisher_, push_publisher_, link_publisher_, marker_publisher_;
+  std::vector<std::string> links_;
+  geometry_msgs::AccelWithCovarianceStamped push_;
+  std_msgs::String link_;
+  visualization_msgs::Marker arrow_, label_;
+  bool marked_ = false;  // the markers are shown
   geometry_msgs::WrenchStamped wrench_;
   std_msgs::Bool contact_;
 };

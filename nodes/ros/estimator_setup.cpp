@@ -12,6 +12,7 @@ EstimatorModel read_estimator_model(const Parameters& parameters) {
   try {
     model.file = read_model_file(model.path, parameters.text("base", ""), parameters.text("tip", ""),
                                  Consistency::warn, &model.broken);
+    model.uncertainty = read_uncertainty(model.path);
     // Throws where an effect has not what it needs, or cannot run in the loop.
     TorqueModel<>(model.file.robot, ignore ? Uncompensated::ignore : Uncompensated::refuse);
   } catch (const Error& error) {
@@ -83,6 +84,11 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   if (options.bridge >= options.longest_dt) parameters.refuse("bridge", "must be less than longest_gap");
   options.wrench.length = parameters.number("wrench_length", 0.25, {0.0, 10.0, true});
   options.wrench.singular_below = parameters.number("singular_below", 0.04, {0.0, 10.0, true});
+  const double alarms = parameters.number("false_alarms_per_hour", 0.0, {0.0, 3600.0});
+  if (alarms > 0.0) {
+    options.uncertainty = setup.model.uncertainty;
+    options.test.false_alarms_per_hour = alarms;
+  }
   // dynamic_reconfigure would clip these without a word.
   parameters.number("gain_factor", 1.0, {0.01, 100.0});
   parameters.number("threshold_factor", 1.0, {0.01, 100.0});

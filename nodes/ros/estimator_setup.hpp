@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "dynid/model/coefficient.hpp"
 #include "dynid/model/robot_file.hpp"
+#include "dynid/model/uncertainty.hpp"
 #include "ros/estimator_core.hpp"
 #include "ros/estimator_frames.hpp"
 #include "ros/parameters.hpp"
@@ -16,6 +18,7 @@ namespace dynid {
 struct EstimatorModel {
   std::string path;
   ModelFile file;
+  std::optional<Uncertainty> uncertainty;  ///< of the residual, where the file has it
   std::vector<Inconsistency> broken;       ///< links that no body can have
   std::vector<std::string> uncompensated;  ///< effects of the model that are left out
 };

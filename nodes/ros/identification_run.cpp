@@ -6,6 +6,7 @@
 
 #include "app/serialise.hpp"
 #include "dynid/app/text.hpp"
+#include "dynid/app/uncertainty.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/number.hpp"
@@ -142,11 +143,15 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
   nlohmann::json& files = result["files"];
   PipelineJob job = job_of(settings, log, context, summary != nullptr);
 
+  LearntUncertainty learnt;
   job.identified = [&](const IdentifyReport& report) {
     files["model"] = result["adoptable"] = path("identified.yaml");
     files["identification"] = path("identification.json");
     result["identification"] = to_json(report);
-    write_model(path("identified.yaml"), report.model());
+    IdentifyJob fitted = job.identify;
+    fitted.robot = job.robot, fitted.logs = {job.log};
+    learnt = uncertainty_of(fitted, report);
+    write_model(path("identified.yaml"), report.model(), learnt.uncertainty);
     write_json(path("identification.json"), result["identification"]);
     if (summary == nullptr) return;
     print(*summary, report);
@@ -158,7 +163,7 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
     result["retrieval"] = to_json(report);
     if (report.succeeded()) {
       result["adoptable"] = files["feasible"] = path("feasible.yaml");
-      write_model(path("feasible.yaml"), report.model());
+      write_model(path("feasible.yaml"), report.model(), learnt.uncertainty);  // the same coefficients
     }
     write_json(path("retrieval.json"), result["retrieval"]);
     if (summary == nullptr) return;
@@ -171,7 +176,9 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
     result["diagnosis"] = to_json(report);
     if (const auto patch = report.patch()) {
       files["patched"] = path("patched.yaml");
-      write_model(path("patched.yaml"), *patch);
+      DiagnoseJob diagnosed = *job.diagnose;
+      diagnosed.nominal = job.robot, diagnosed.logs = {job.log};
+      write_model(path("patched.yaml"), *patch, uncertainty_of(diagnosed, report).uncertainty);
     }
     write_file(
         path("report.html"),

@@ -15,6 +15,7 @@
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/effect/complete.hpp"
+#include "dynid/model/uncertainty.hpp"
 #include "friction/yaml.hpp"
 
 namespace dynid {
@@ -224,9 +225,59 @@ Effect read_effect(const YamlItem& item, const Robot& robot) {
   }
 }
 
+struct UncertaintyKey {
+  const char* key;
+  double JointUncertainty::*value;
+};
+constexpr UncertaintyKey uncertainty_keys[] = {
+    {"constant", &JointUncertainty::constant},         {"speed", &JointUncertainty::speed},
+    {"stiction", &JointUncertainty::stiction},         {"load", &JointUncertainty::load},
+    {"acceleration", &JointUncertainty::acceleration}, {"stiction_speed", &JointUncertainty::stiction_speed},
+    {"sticking", &JointUncertainty::sticking}};
+
+Uncertainty uncertainty_in(const YamlItem& item, int joints) {
+  item.expect_keys({"seconds", "window", "motion", "tail", "joints", "correlation"});
+  Uncertainty uncertainty;
+  if (item.has("seconds")) uncertainty.seconds = item.at("seconds").number();
+  uncertainty.window = item.at("window").positive_number();
+  const YamlItem motion = item.at("motion"), tail = item.at("tail");
+  motion.expect_keys({"bandwidth", "period", "position_noise"});
+  uncertainty.motion_bandwidth = motion.at("bandwidth").positive_number();
+  uncertainty.period = motion.at("period").number();
+  uncertainty.position_noise = motion.at("position_noise").positive_number();
+  tail.expect_keys({"level", "scale", "per_hour"});
+  uncertainty.tail = {tail.at("level").positive_number(), tail.at("scale").positive_number(),
+                      tail.at("per_hour").positive_number()};
+  for (const YamlItem& entry : item.at("joints").list()) {
+    entry.expect_keys({"constant", "speed", "stiction", "load", "acceleration", "stiction_speed", "sticking",
+                       "contact_point"});
+    JointUncertainty joint;
+    for (const UncertaintyKey& k : uncertainty_keys)
+      if (entry.has(k.key)) joint.*k.value = entry.at(k.key).number();
+    if (entry.has("contact_point")) joint.contact_point = entry.at("contact_point").vector<3>();
+    uncertainty.joints.push_back(joint);
+  }
+  uncertainty.correlation = Eigen::MatrixXd::Identity(joints, joints);
+  const std::vector<YamlItem> rows = item.at("correlation").list();
+  if (static_cast<int>(rows.size()) != joints) item.at("correlation").fail("one row for each joint needed");
+  for (int r = 0; r < joints; ++r) {
+    const std::vector<YamlItem> row = rows[static_cast<std::size_t>(r)].list();
+    if (static_cast<int>(row.size()) != r + 1)
+      rows[static_cast<std::size_t>(r)].fail("a row of the lower triangle, with its diagonal, needed");
+    for (int c = 0; c <= r; ++c)
+      uncertainty.correlation(r, c) = uncertainty.correlation(c, r) =
+          row[static_cast<std::size_t>(c)].number();
+  }
+  return item.located([&] {
+    validate(uncertainty, joints);
+    return uncertainty;
+  });
+}
+
 ModelFile read_document(const YamlItem& item) {
   item.expect_keys({"format", "name", "base_link", "tip_link", "tip", "gravity", "note",
-                    "physically_consistent", "inconsistencies", "joints", "effects", "coefficients"});
+                    "physically_consistent", "inconsistencies", "joints", "effects", "coefficients",
+                    "uncertainty"});
   ModelFile model;
   Robot& robot = model.robot;
   robot.name = item.at("name").name();
@@ -257,6 +308,7 @@ ModelFile read_document(const YamlItem& item) {
       model.coefficients.push_back(read_coefficient(entry));
     }
   }
+  if (item.has("uncertainty")) uncertainty_in(item.at("uncertainty"), robot.size());
   return model;
 }
 
@@ -390,6 +442,33 @@ void put_coefficient(YAML::Emitter& out, const Coefficient& coefficient) {
   out << YAML::EndMap;
 }
 
+void put_uncertainty(YAML::Emitter& out, const Uncertainty& uncertainty) {
+  out << YAML::Key << "uncertainty" << YAML::Value << YAML::BeginMap;
+  put(out, "seconds", uncertainty.seconds);
+  put(out, "window", uncertainty.window);
+  out << YAML::Key << "motion" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  put(out, "bandwidth", uncertainty.motion_bandwidth);
+  put(out, "period", uncertainty.period);
+  put(out, "position_noise", uncertainty.position_noise);
+  out << YAML::EndMap << YAML::Key << "tail" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  put(out, "level", uncertainty.tail.level);
+  put(out, "scale", uncertainty.tail.scale);
+  put(out, "per_hour", uncertainty.tail.per_hour);
+  out << YAML::EndMap;
+  out << YAML::Key << "joints" << YAML::Value << YAML::BeginSeq;
+  for (const JointUncertainty& joint : uncertainty.joints) {
+    out << YAML::Flow << YAML::BeginMap;
+    for (const UncertaintyKey& k : uncertainty_keys) put(out, k.key, joint.*k.value);
+    out << YAML::Key << "contact_point" << YAML::Value;
+    put(out, joint.contact_point);
+    out << YAML::EndMap;
+  }
+  out << YAML::EndSeq << YAML::Key << "correlation" << YAML::Value << YAML::BeginSeq;
+  for (Eigen::Index r = 0; r < uncertainty.correlation.rows(); ++r)
+    put(out, uncertainty.correlation.row(r).head(r + 1));
+  out << YAML::EndSeq << YAML::EndMap;
+}
+
 void check_names(const Robot& robot) {
   std::set<std::string> names;
   for (const Joint& joint : robot.joints) {
@@ -420,7 +499,9 @@ ModelFile parse_model(const std::string& text, const std::string& name) {
 
 ModelFile read_model(const std::string& path) { return parse_model(read_file(path), path); }
 
-std::string to_yaml(const ModelFile& model) {
+std::string to_yaml(const ModelFile& model) { return to_yaml(model, std::nullopt); }
+
+std::string to_yaml(const ModelFile& model, const std::optional<Uncertainty>& uncertainty) {
   const Robot& robot = model.robot;
   validate(robot);
   check_names(robot);
@@ -455,10 +536,32 @@ std::string to_yaml(const ModelFile& model) {
     for (const Coefficient& coefficient : model.coefficients) put_coefficient(out, coefficient);
     out << YAML::EndSeq;
   }
+  if (uncertainty) {
+    validate(*uncertainty, robot.size());
+    put_uncertainty(out, *uncertainty);
+  }
   out << YAML::EndMap;
   return header() + out.c_str() + "\n";
 }
 
 void write_model(const std::string& path, const ModelFile& model) { write_file(path, to_yaml(model)); }
+
+void write_model(const std::string& path, const ModelFile& model,
+                 const std::optional<Uncertainty>& uncertainty) {
+  write_file(path, to_yaml(model, uncertainty));
+}
+
+std::optional<Uncertainty> parse_uncertainty(const std::string& text, const std::string& name) {
+  const YamlItem root = YamlItem::document(text, name, format_name, "a model");
+  if (!root.has("uncertainty")) return std::nullopt;
+  return uncertainty_in(root.at("uncertainty"), static_cast<int>(root.at("joints").list().size()));
+}
+
+std::optional<Uncertainty> read_uncertainty(const std::string& path) {
+  const std::size_t dot = path.find_last_of('.');
+  const std::string ending = dot == std::string::npos ? "" : path.substr(dot);
+  if (ending != ".yaml" && ending != ".yml") return std::nullopt;
+  return parse_uncertainty(read_file(path), path);
+}
 
 }  // namespace dynid

@@ -50,6 +50,22 @@ std::vector<Sample> motion(const dynid::Robot& robot) {
   return samples;
 }
 
+/// An uncertainty with every term, whose threshold the motion never passes, or always.
+dynid::Uncertainty uncertainty(const dynid::Robot& robot, bool contact) {
+  dynid::Uncertainty u;
+  dynid::JointUncertainty joint;
+  joint.constant = joint.stiction = 0.01, joint.speed = joint.load = joint.acceleration = 1e-4;
+  joint.sticking = 0.3;
+  const auto n = static_cast<Eigen::Index>(robot.joints.size());
+  u.joints.assign(robot.joints.size(), joint);
+  u.correlation = Eigen::MatrixXd::Constant(n, n, 0.3);
+  u.correlation.diagonal().setOnes();
+  u.period = 1e-3;
+  const double level = contact ? 1e-12 : 1e12;
+  u.tail = {level, level, 1.0};
+  return u;
+}
+
 /// Durations, every one counted.
 class Durations {
  public:
@@ -97,10 +113,15 @@ int main(int argc, char** argv) try {
   const dynid::Robot robot = dynid::read_model(std::string(DYNID_SOURCE_DIR) + "/config/panda.yaml").robot;
   const std::vector<Sample> samples = motion(robot);
 
-  for (const dynid::ObserverOrder order : {dynid::ObserverOrder::first, dynid::ObserverOrder::second}) {
-    if (at_rate && order == dynid::ObserverOrder::second) break;
+  enum class Mode { first, second, test, contact };
+  for (const Mode mode : {Mode::first, Mode::second, Mode::test, Mode::contact}) {
+    if (at_rate && mode == Mode::second) continue;
+    const dynid::ObserverOrder order =
+        mode == Mode::second ? dynid::ObserverOrder::second : dynid::ObserverOrder::first;
     dynid::TorqueEstimatorOptions options;
     options.order = order;
+    if (mode == Mode::test || mode == Mode::contact)
+      options.uncertainty = uncertainty(robot, mode == Mode::contact);
     dynid::TorqueEstimator<7> estimator(robot, options);
     Durations wall, processor, control;
     double sum = 0.0;  // so that nothing is optimised away
@@ -109,7 +130,7 @@ int main(int argc, char** argv) try {
       const Sample& s = samples[std::size_t(k) % samples.size()];
       const auto step = [&] {
         const auto& estimate = estimator.step(1e-3, s.q, s.dq, s.tau);
-        sum += estimate.residual[0] + estimate.wrench[0];
+        sum += estimate.residual[0] + estimate.wrench[0] + estimate.pushed.wrench[0];
       };
       if (!at_rate) {
         wall.add(timed(step));
@@ -120,7 +141,10 @@ int main(int argc, char** argv) try {
       wall.add(timed(step));
       processor.add(processor_time() - begin);
     }
-    const std::string what = order == dynid::ObserverOrder::first ? "first order" : "second order";
+    const std::string what = mode == Mode::first    ? "first order"
+                             : mode == Mode::second ? "second order"
+                             : mode == Mode::test   ? "with contact test"
+                                                    : "test, in contact";
     wall.print((what + (at_rate ? ", 1 kHz, wall" : "")).c_str());
     if (at_rate) {
       processor.print((what + ", 1 kHz, processor").c_str());

@@ -70,11 +70,18 @@ void none_in_the_loop(const Robot& robot, ObserverOrder order) {
   EXPECT_EQ(allocations - before_payload, 0) << robot.name;
   TorqueEstimatorOptions options;
   options.order = order;
+  options.uncertainty = Uncertainty();  // one that is passed at once: the wrench of a contact is made too
+  options.uncertainty->joints.assign(static_cast<std::size_t>(model.size()), JointUncertainty());
+  for (JointUncertainty& joint : options.uncertainty->joints) joint.constant = 1e-4;
+  options.uncertainty->correlation = Eigen::MatrixXd::Identity(model.size(), model.size());
+  options.uncertainty->period = 1e-3, options.uncertainty->position_noise = 1.0;  // the stamps decide
+  options.uncertainty->window = options.uncertainty->motion_bandwidth = 5000.0;  // settled at once
+  options.uncertainty->tail = {1e-6, 1e-6, 1.0};
   TorqueEstimator<N> estimator(model, options);
   const int n = model.size();
   Generator generator(5);
   Eigen::Matrix<double, N, 1> q(n), dq(n), tau(n), ddq(n);
-  long made = 0;
+  long made = 0, pushed = 0;
   Status all = Status::ok;
   for (int k = 0; k < 2000; ++k) {
     q = random_state(generator, n, 0.5), dq = random_state(generator, n, 0.5);
@@ -91,8 +98,10 @@ void none_in_the_loop(const Robot& robot, ObserverOrder order) {
     if (k % 500 == 0) estimator.reset();
     made += allocations - before;
     all |= status;
+    pushed += estimator.estimate().pushed.detected;
   }
   EXPECT_EQ(made, 0) << robot.name;
+  EXPECT_GT(pushed, 0) << robot.name;
   for (const Status flag : {Status::restarted, Status::bad_input, Status::stale, Status::time_went_back,
                             Status::gap, Status::model_changed})
     EXPECT_TRUE(has(all, flag)) << static_cast<unsigned>(flag);

@@ -100,6 +100,10 @@ class ExternalWrench {
   const Vector6& wrench() const noexcept { return wrench_; }
   bool near_singular() const noexcept { return near_singular_; }
   double margin() const noexcept { return margin_; }  ///< d [m]
+  /// J of the last update(), 6 x n, its angular rows times L.
+  const Eigen::Matrix<double, 6, N>& scaled_jacobian() const noexcept { return jacobian_; }
+  double length() const noexcept { return options_.length; }          ///< L [m]
+  const Eigen::Isometry3d& frame() const noexcept { return frame_; }  ///< in the last link's frame
 
  private:
   using Matrix6 = Eigen::Matrix<double, 6, 6>;

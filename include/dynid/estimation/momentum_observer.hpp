@@ -31,13 +31,20 @@ class MomentumObserver {
   /// overshoot. Throws Error on a value out of range.
   explicit MomentumObserver(const Vector& gain, ObserverOrder order = ObserverOrder::first,
                             double damping = 1.0)
-      : gain_(gain), p_(gain), u_(gain), r_(gain), slope_(gain), order_(order), damping_(damping) {
+      : gain_(gain),
+        p_(gain),
+        u_(gain),
+        r_(gain),
+        slope_(gain),
+        external_(gain),
+        order_(order),
+        damping_(damping) {
     for (Eigen::Index i = 0; i < gain.size(); ++i)
       if (!(gain[i] > 0.0) || !std::isfinite(gain[i]))
         throw Error("observer gain of joint " + std::to_string(i + 1) + ": must be positive [1/s]");
     if (!(damping > 0.0 && damping <= 1.0)) throw Error("observer damping: must be in (0, 1]");
     p_.setZero(), u_.setZero();
-    r_.setZero(), slope_.setZero();
+    r_.setZero(), slope_.setZero(), external_.setZero();
   }
 
   /// Another K [1/s], n, positive; r goes on from where it is.
@@ -56,13 +63,13 @@ class MomentumObserver {
     const double rate = 1.0 / dt;
     if (order_ == ObserverOrder::first) {
       for (Eigen::Index i = 0; i < gain_.size(); ++i) {
-        const double external = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
+        const double external = external_[i] = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
         r_[i] += (external - r_[i]) * -std::expm1(-gain_[i] * dt);
       }
     } else {
       // With x = r - tau_ext: x'' + 2 zeta w x' + w^2 x = 0, solved in closed form.
       for (Eigen::Index i = 0; i < gain_.size(); ++i) {
-        const double external = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
+        const double external = external_[i] = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
         const double decay = 2.0 * damping_ * damping_ * gain_[i], natural = 2.0 * damping_ * gain_[i];
         const double angle = natural * std::sqrt(1.0 - damping_ * damping_) * dt;
         const double e = std::exp(-decay * dt), cosine = e * std::cos(angle);
@@ -77,10 +84,12 @@ class MomentumObserver {
   }
 
   const Vector& residual() const noexcept { return r_; }  ///< r [N m], n
-  const Vector& gain() const noexcept { return gain_; }   ///< K [1/s], n
+  /// tau_ext [N m] between the last two samples, not filtered; n.
+  const Vector& external() const noexcept { return external_; }
+  const Vector& gain() const noexcept { return gain_; }  ///< K [1/s], n
 
  private:
-  Vector gain_, p_, u_, r_, slope_;
+  Vector gain_, p_, u_, r_, slope_, external_;
   ObserverOrder order_;
   double damping_;
 };

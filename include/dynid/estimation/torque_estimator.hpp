@@ -3,11 +3,14 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "dynid/estimation/contact_detector.hpp"
+#include "dynid/estimation/contact_test.hpp"
 #include "dynid/estimation/external_wrench.hpp"
 #include "dynid/estimation/momentum_observer.hpp"
+#include "dynid/estimation/motion_filter.hpp"
 #include "dynid/estimation/status.hpp"
 #include "dynid/estimation/torque_model.hpp"
 #include "dynid/estimation/triple_buffer.hpp"
@@ -30,6 +33,10 @@ struct TorqueEstimatorOptions {
   double longest_dt = 0.1;            ///< [s] a longer step is a gap
   /// [s] for which a sample that repeats the one before (a lost packet) is waited out: its outputs are held.
   double bridge = 0.003;
+  /// Of the model: with it there is a ContactTest beside the thresholds, and velocity and acceleration are
+  /// those of a MotionFilter, whatever dq is given.
+  std::optional<Uncertainty> uncertainty = {};
+  ContactTestOptions test;
 };
 
 /// What a cycle gives. Torques [N m]: n, base to tip.
@@ -38,6 +45,7 @@ struct Estimate {
   using Vector = Eigen::Matrix<double, N, 1>;
 
   Status status = Status::ok;
+  Vector dq;            ///< [rad/s] velocity in use: as measured, or of the MotionFilter
   Vector ddq;           ///< [rad/s^2] acceleration that tau_model is for: the desired or the estimated one
   Vector tau_model;     ///< M ddq + S dq + g + Ia ddq + friction + compensated effects
   Vector tau_friction;  ///< friction and compensated effects, alone
@@ -46,6 +54,9 @@ struct Estimate {
   Eigen::Array<bool, N, 1> contact;                                          ///< |r| over its threshold
   Eigen::Matrix<double, 6, 1> wrench = Eigen::Matrix<double, 6, 1>::Zero();  ///< [N, N m] from the residual
   double singular_margin = 0.0;                                              ///< [m] see ExternalWrench
+  Vector external;      ///< tau_ext between the last two samples by the momentum, not filtered
+  Contact<N> pushed;    ///< by the ContactTest; nothing ever, without TorqueEstimatorOptions::uncertainty
+  bool tested = false;  ///< `pushed` is in use
 };
 
 /// Everything that runs beside a robot at 1 kHz: model torque, friction, external torque in two ways,
@@ -74,14 +85,19 @@ class TorqueEstimator {
         observer_(tunings_.front().gain, options.order, options.damping),
         contact_(tunings_.front().threshold, tunings_.front().release),
         wrench_(model.rigid_body(), model.rigid_body().tip() * options.wrench_frame, options.wrench),
-        options_(options) {
+        options_(options),
+        motion_(model.size()),
+        test_(model.size()) {
     positive(options.longest_dt, "longest_dt");
     if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
       throw Error("bridge: must be in [0, longest_dt) s");
-    for (Vector* v : {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &out_.ddq, &out_.tau_model,
-                      &out_.tau_friction, &out_.tau_external, &out_.residual})
+    for (Vector* v : {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &out_.dq, &out_.ddq, &out_.tau_model,
+                      &out_.tau_friction, &out_.tau_external, &out_.residual, &out_.external})
       *v = Vector::Zero(model.size());
     out_.contact = contact_.flags();
+    out_.pushed = test_.contact();
+    out_.tested = tunings_.front().tests;
+    motion_.set_options(tunings_.front().motion);
   }
 
   int size() const noexcept { return n_; }  ///< n
@@ -104,10 +120,10 @@ class TorqueEstimator {
     models_.publish(model);
   }
 
-  /// From the thread of adopt(): gain, contact_threshold, contact_release and acceleration_cutoff of
-  /// `options` are in use from the next cycle on, the rest of it is not looked at. The residual goes on
-  /// without a jump. Throws Error where the constructor does. Usual thresholds are those of the limits at the
-  /// start.
+  /// From the thread of adopt(): gain, contact_threshold, contact_release, acceleration_cutoff, uncertainty
+  /// and test of `options` are in use from the next cycle on, the rest of it is not looked at. The residual
+  /// goes on without a jump. Throws Error where the constructor does. Usual thresholds are those of the
+  /// limits at the start.
   void retune(const TorqueEstimatorOptions& options) {
     const Tuning next = tuning(limits_, options);
     // Their constructors know what is wrong.
@@ -138,6 +154,7 @@ class TorqueEstimator {
     started_ = false;
     elapsed_ = 0.0;
     contact_.reset();
+    test_.reset();
   }
 
   const Estimate<N>& estimate() const noexcept { return out_; }             ///< of the last cycle
@@ -161,6 +178,9 @@ class TorqueEstimator {
   struct Tuning {
     Vector gain, threshold, release;
     double cutoff;
+    bool tests = false;
+    MotionFilterOptions motion;
+    typename ContactTest<N>::Tuning test;
   };
   static Tuning tuning(const Vector& torque_limit, const TorqueEstimatorOptions& options) {
     positive(options.acceleration_cutoff, "acceleration_cutoff");
@@ -170,6 +190,14 @@ class TorqueEstimator {
         over_joints(options.contact_threshold, usual_contact_threshold(torque_limit), "contact_threshold");
     all.release = options.contact_release * all.threshold;
     all.cutoff = options.acceleration_cutoff;
+    if (options.uncertainty) {
+      all.tests = true;
+      all.test = ContactTest<N>::make_tuning(*options.uncertainty, static_cast<int>(torque_limit.size()),
+                                             options.test);
+      all.motion = {options.uncertainty->motion_bandwidth, options.uncertainty->period,
+                    options.uncertainty->position_noise};
+      MotionFilter<N>::check(all.motion);
+    }
     return all;
   }
 
@@ -196,6 +224,15 @@ class TorqueEstimator {
       const Tuning& tuned = tunings_.front();
       observer_.set_gain(tuned.gain);
       contact_.set_thresholds(tuned.threshold, tuned.release);
+      motion_.set_options(tuned.motion);
+      if (tuned.tests != out_.tested) {
+        // Another velocity is in use from here on.
+        test_.reset(), out_.pushed = test_.contact();
+        out_.tested = tuned.tests;
+        dq_used_ = dq_;
+        motion_.start(q_, dq_);
+        if (started_) rebase(model);
+      }
     }
     if (changed && started_) rebase(model);
     // Whatever else is wrong, time passes.
@@ -227,28 +264,43 @@ class TorqueEstimator {
         if (elapsed_ <= options_.bridge) return hold(status);
       }
     }
-    estimate_acceleration();
+    double dt_used = elapsed_;
+    if (!out_.tested) {
+      estimate_acceleration();
+      dq_used_ = next_dq_;
+    } else {
+      if (started_) {
+        dt_used = motion_.elapsed(elapsed_, next_q_);
+        if (!(dt_used > 0.0)) return hold(status | Status::stale);
+        motion_.update(dt_used, next_q_);
+      } else {
+        motion_.start(next_q_, next_dq_);
+      }
+      ddq_ = motion_.acceleration(), dq_used_ = motion_.velocity();
+    }
     q_ = next_q_, dq_ = next_dq_, tau_ = next_tau_;
     if (ddq == nullptr) ddq_used_ = ddq_;
 
-    model.friction(q_, dq_, out_.tau_friction);
-    model.torque(ws_, q_, dq_, ddq_used_, out_.tau_friction, out_.tau_model);
-    model.momentum(ws_, q_, dq_, tau_, out_.tau_friction, p_, u_);
+    model.friction(q_, dq_used_, out_.tau_friction);
+    model.torque(ws_, q_, dq_used_, ddq_used_, out_.tau_friction, out_.tau_model);
+    model.momentum(ws_, q_, dq_used_, tau_, out_.tau_friction, p_, u_);
     if (started_) {
-      observer_.update(elapsed_, p_, u_);
+      observer_.update(dt_used, p_, u_);
     } else {
       observer_.start(p_, u_);
       status |= Status::restarted;
     }
     started_ = true;
     elapsed_ = 0.0;
-    out_.ddq = ddq_used_;
+    out_.dq = dq_used_, out_.ddq = ddq_used_;
     out_.residual = observer_.residual();
     for (Eigen::Index i = 0; i < q_.size(); ++i) out_.tau_external[i] = out_.tau_model[i] - tau_[i];
     out_.wrench = wrench_.update(model.rigid_body(), ws_, q_, out_.residual);
     out_.singular_margin = wrench_.margin();
     if (wrench_.near_singular()) status |= Status::near_singular;
     out_.contact = contact_.update(out_.residual);
+    out_.external = observer_.external();
+    if (tunings_.front().tests) test(has(status, Status::restarted) ? 0.0 : dt_used, model);
     for (Eigen::Index i = 0; i < q_.size(); ++i) {
       if (q_[i] < model.lower()[i] || q_[i] > model.upper()[i] ||
           std::abs(dq_[i]) > model.velocity_limit()[i] || std::abs(tau_[i]) > model.torque_limit()[i])
@@ -258,6 +310,14 @@ class TorqueEstimator {
     return out_;
   }
 
+  void test(double dt, const TorqueModel<N>& model) noexcept {
+    const auto& tuning = tunings_.front().test;
+    if (dt > 0.0 && test_.update(dt, out_.external, dq_used_, out_.tau_model, ddq_used_, tuning))
+      test_.locate(dt, model.rigid_body(), ws_, q_, wrench_.scaled_jacobian(), wrench_.length(),
+                   wrench_.frame().translation(), tuning);
+    out_.pushed = test_.contact();
+  }
+
   const Estimate<N>& hold(Status status) noexcept {
     out_.status = status;
     return out_;
@@ -265,8 +325,8 @@ class TorqueEstimator {
 
   // p and u of the sample before by the model that is now in use.
   void rebase(const TorqueModel<N>& model) noexcept {
-    model.friction(q_, dq_, out_.tau_friction);
-    model.momentum(ws_, q_, dq_, tau_, out_.tau_friction, p_, u_);
+    model.friction(q_, dq_used_, out_.tau_friction);
+    model.momentum(ws_, q_, dq_used_, tau_, out_.tau_friction, p_, u_);
     observer_.rebase(p_, u_);
   }
 
@@ -290,12 +350,15 @@ class TorqueEstimator {
   ContactDetector<N> contact_;
   ExternalWrench<N> wrench_;
   TorqueEstimatorOptions options_;
+  MotionFilter<N> motion_;
+  ContactTest<N> test_;
   int n_ = models_.front().size();
   bool started_ = false;
   double elapsed_ = 0.0;  // [s] since the sample before
   Vector q_, dq_, tau_;   // the sample before, as measured
   Vector next_q_ = Vector::Zero(n_), next_dq_ = next_q_, next_tau_ = next_q_;
-  Vector ddq_;  // estimated acceleration
+  Vector dq_used_ = next_q_;  // as measured, or of the MotionFilter
+  Vector ddq_;                // estimated acceleration
   Vector ddq_used_, p_, u_;
   Estimate<N> out_;
 };
