@@ -23,7 +23,7 @@ EstimatorOutputs::EstimatorOutputs(ros::NodeHandle& handle, const std::vector<st
   advertise(tau_ext_, "tau_ext");
   advertise(residual_, "residual");
   advertise(contact_joints_, "contact_joints");
-  advertise(kalman_, "residual_kalman");
+  advertise(contact_residual_, "contact_residual");
   wrench_publisher_ =
       handle.advertise<geometry_msgs::WrenchStamped>("external_wrench", static_cast<std::uint32_t>(queue));
   contact_publisher_ = handle.advertise<std_msgs::Bool>("contact", static_cast<std::uint32_t>(queue));
@@ -80,7 +80,7 @@ void EstimatorOutputs::publish(const EstimatorAnswer& answer, const ros::Time& s
 
 void EstimatorOutputs::publish_push(const EstimatorAnswer& answer, const ros::Time& stamp) {
   const Contact<>& push = answer.estimate->pushed;
-  publish(kalman_, push.residual, stamp);
+  publish(contact_residual_, push.residual, stamp);
   publish_marker(push, stamp);
   link_.data = push.link < 0 ? "" : links_[static_cast<std::size_t>(push.link)];
   link_publisher_.publish(link_);

@@ -41,7 +41,7 @@ class EstimatorOutputs {
   void publish_push(const EstimatorAnswer& answer, const ros::Time& stamp);
   void publish_marker(const Contact<>& push, const ros::Time& stamp);
 
-  Torques tau_model_, tau_friction_, tau_ext_, residual_, contact_joints_, kalman_;
+  Torques tau_model_, tau_friction_, tau_ext_, residual_, contact_joints_, contact_residual_;
   ros::Publisher wrench_publisher_, contact_publisher_, push_publisher_, link_publisher_, marker_publisher_;
   std::vector<std::string> links_;
   geometry_msgs::AccelWithCovarianceStamped push_;

@@ -86,6 +86,9 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   options.wrench.singular_below = parameters.number("singular_below", 0.04, {0.0, 10.0, true});
   const double alarms = parameters.number("false_alarms_per_hour", 0.0, {0.0, 3600.0});
   if (alarms > 0.0) {
+    if (!setup.model.uncertainty)
+      parameters.refuse("false_alarms_per_hour",
+                        "needs a model file with `uncertainty:`, which dynid identify --out writes");
     options.uncertainty = setup.model.uncertainty;
     options.test.false_alarms_per_hour = alarms;
   }

@@ -74,34 +74,58 @@ std::vector<Residuals> residuals_of(const std::vector<HeldOutLog>& parts, const 
   return out;
 }
 
-/// period and position_noise.
-void learn_clock(const std::vector<HeldOutLog>& parts, Uncertainty& out) {
-  std::vector<double> stamps, along, speed;
-  std::vector<Eigen::VectorXd> steps, velocities;
+/// What is between two rows of a log whose positions differ.
+struct Step {
+  double stamp;                 ///< [s] by the stamps
+  double speed, along;          ///< |dq|^2; [s] by the motion along dq
+  Eigen::VectorXd q, velocity;  ///< difference, mean
+};
+
+std::vector<Step> steps_of(const std::vector<HeldOutLog>& parts) {
+  std::vector<Step> steps;
   for (const HeldOutLog& part : parts) {
     const Log& log = part.log;
+    Eigen::Index last = 0;
     for (Eigen::Index k = 1; k < log.samples(); ++k) {
-      if (log.q.row(k) == log.q.row(k - 1) || !(log.t[k] > log.t[k - 1])) continue;
-      steps.emplace_back((log.q.row(k) - log.q.row(k - 1)).transpose());
-      velocities.emplace_back(0.5 * (log.dq.row(k) + log.dq.row(k - 1)).transpose());
-      stamps.push_back(log.t[k] - log.t[k - 1]);
-      speed.push_back(velocities.back().squaredNorm());
-      along.push_back(steps.back().dot(velocities.back()) / std::max(speed.back(), 1e-300));
+      if (log.q.row(k) == log.q.row(last) || !(log.t[k] > log.t[last])) continue;
+      Step step;
+      step.stamp = log.t[k] - log.t[last];
+      step.q = (log.q.row(k) - log.q.row(last)).transpose();
+      step.velocity = 0.5 * (log.dq.row(k) + log.dq.row(last)).transpose();
+      step.speed = step.velocity.squaredNorm();
+      step.along = step.q.dot(step.velocity) / std::max(step.speed, 1e-300);
+      steps.push_back(std::move(step));
+      last = k;
     }
   }
-  if (stamps.size() < 100) throw Error(parts.front().log.source + ": the arm hardly moves");
-  const double period = median(stamps), fast = median(speed);
-  std::vector<double> off, noise;
-  for (std::size_t k = 0; k < along.size(); ++k)
-    if (speed[k] > fast) off.push_back(std::abs(along[k] / period - std::round(along[k] / period)));
+  return steps;
+}
+
+/// period and position_noise, from the faster half of the steps.
+void learn_clock(const std::vector<HeldOutLog>& parts, Uncertainty& out) {
+  std::vector<Step> steps = steps_of(parts);
+  if (steps.size() < 100) throw Error(parts.front().log.source + ": the arm hardly moves");
+  std::vector<double> stamps, speeds, off, noise;
+  for (const Step& step : steps) stamps.push_back(step.stamp), speeds.push_back(step.speed);
+  const double fast = median(speeds);
+  steps.erase(
+      std::remove_if(steps.begin(), steps.end(), [fast](const Step& step) { return step.speed < fast; }),
+      steps.end());
+  double period = median(stamps);
+  for (int pass = 0; pass < 3; ++pass) {  // the stamps' jitter ends in their sum
+    double time = 0.0, periods = 0.0;
+    for (const Step& step : steps) time += step.stamp, periods += std::round(step.along / period);
+    if (periods > 0.5 * static_cast<double>(steps.size())) period = time / periods;
+  }
+  for (const Step& step : steps)
+    off.push_back(std::abs(step.along / period - std::round(step.along / period)));
   if (median(off) < 0.1) out.period = period;
-  for (std::size_t k = 0; k < along.size(); ++k) {
-    const double dt = out.period > 0.0 ? period * std::round(along[k] / period) : stamps[k];
-    if (!(dt > 0.0) || speed[k] <= fast) continue;
-    const Eigen::VectorXd error = steps[k] - dt * velocities[k];
+  for (const Step& step : steps) {
+    const double dt = out.period > 0.0 ? period * std::round(step.along / period) : step.stamp;
+    const Eigen::VectorXd error = step.q - dt * step.velocity;
     for (double x : error) noise.push_back(std::abs(x));
   }
-  out.position_noise = std::max(median(noise) / 0.6745 / std::sqrt(2.0), 1e-9);
+  out.position_noise = std::max(median(noise) * deviations_to_sigma / std::sqrt(2.0), 1e-9);
 }
 
 /// x >= 0 that minimises |A x - b|, by coordinates.

@@ -146,7 +146,8 @@ Outcome judge(const Judged& judged, const Push& push, double factor, double stro
   return out;
 }
 
-/// Alarms in `seconds` of the judged residual, resampled in blocks of 0.3 to 1.5 s.
+/// Alarms in `seconds` of the judged residual, resampled in blocks of 0.3 to 1.5 s after the filters'
+/// settling.
 long false_alarms(const Judged& judged, double per_hour, double seconds, unsigned seed) {
   const Log& log = judged.log;
   const int n = judged.model.size();
@@ -163,7 +164,7 @@ long false_alarms(const Judged& judged, double per_hour, double seconds, unsigne
     if (has(e.status, Status::stale)) continue;
     const double step = log.t[k] - last;
     last = log.t[k];
-    if (has(e.status, Status::restarted)) continue;
+    if (has(e.status, Status::restarted) || log.t[k] - log.t[0] < 0.3) continue;  // the filters fill
     dt.push_back(step);
     external.row(count) = e.external, dq.row(count) = e.dq;
     tau.row(count) = e.tau_model, ddq.row(count) = e.ddq;
@@ -173,14 +174,16 @@ long false_alarms(const Judged& judged, double per_hour, double seconds, unsigne
   ContactTest<> test(n);
   Generator generator(seed);
   long alarms = 0;
-  bool was = false;
   for (double t = 0.0; t < seconds;) {
     const double length = uniform(generator, 0.3, 1.5);
     Eigen::Index k = static_cast<Eigen::Index>(uniform(generator, 0.0, 0.85) * double(count));
+    test.reset();  // what was low-passed in another state means nothing here
+    bool was = false;
     for (double in = 0.0; in < length && k < count; ++k) {
       const double step = dt[static_cast<std::size_t>(k)];
       const bool now = test.update(step, external.row(k).transpose(), dq.row(k).transpose(),
                                    tau.row(k).transpose(), ddq.row(k).transpose(), tuning);
+      if (!(test.contact().statistic > 0.0)) continue;  // not settled
       alarms += now && !was;
       was = now;
       in += step, t += step;
@@ -341,7 +344,7 @@ TEST(Contact, PushesOnSimulatedArms) {
     const Judged judged =
         halves(robot.name, robot, simulated_log(robot, 20.0, 3), FrictionLaw::linear, false);
     // Forces and torques as a part of what the arm carries.
-    const Score s = score(judged, {5, 3, 2}, 100, 60.0 * weight, 6.0 * weight * size, seconds_asked(), 11);
+    const Score s = score(judged, {5, 3, 2}, 100, 20.0 * weight, 2.0 * weight * size, seconds_asked(), 11);
     expect_as_promised(s, judged.name);
     EXPECT_GE(s.located, 0.9 * s.found) << judged.name;
     EXPECT_LE(s.wrench, 0.7) << judged.name;

@@ -22,7 +22,6 @@ struct ContactTestOptions {
   double false_alarms_per_hour = 1.0;
   /// Part of the threshold below which the statistic must fall for a contact to end.
   double release = 0.36;
-  double force = 10.0;         ///< [N] usual size of a push, what the wrench is drawn towards
   double contact_size = 0.05;  ///< [m] how far from the link's contact_point a push may act
 };
 
@@ -55,8 +54,9 @@ struct Contact {
 /// white nor normal.
 ///
 /// While there is contact, a force at the contact_point of each link is fitted to the residual, drawn towards
-/// ContactTestOptions::force, and the link is the one whose marginal likelihood, averaged over 50 ms, is
-/// largest: the Jacobian's pattern decides, a joint beyond the pushed link speaks against it.
+/// twice the size that a push at the tip with this statistic has, and the link is the one whose marginal
+/// likelihood, averaged over 50 ms, is largest: the Jacobian's pattern decides, a joint beyond the pushed
+/// link speaks against it.
 ///
 /// The constructor and make_tuning() throw and allocate; nothing else does.
 template <int N = Eigen::Dynamic>
@@ -78,7 +78,6 @@ class ContactTest {
       if (!(x > 0.0) || !std::isfinite(x)) throw Error(std::string(what) + ": must be positive");
     };
     positive(options.false_alarms_per_hour, "false_alarms_per_hour");
-    positive(options.force, "force of a push");
     if (!(options.release > 0.0 && options.release <= 1.0))
       throw Error("release of a contact: must be in (0, 1]");
     if (!(options.contact_size >= 0.0)) throw Error("contact_size: must not be negative");
@@ -152,7 +151,10 @@ class ContactTest {
     forward_kinematics(model, ws, q, poses_);
     const Eigen::Vector3d centre = poses_[static_cast<std::size_t>(n) - 1] * origin;
     const double average = contact_.link < 0 ? 1.0 : dt / (dt + 0.05);
-    const double prior = 1.0 / (tuning.options.force * tuning.options.force);
+    double levers = 0.0;
+    for (int i = 0; i < n; ++i) levers += jacobian.col(i).template head<3>().squaredNorm();
+    const double prior =
+        levers / (4.0 * std::max(contact_.statistic, tuning.threshold) * contact_.variance.sum());
     Eigen::Matrix3d best_covariance = Eigen::Matrix3d::Zero();
     Eigen::Vector3d best_force = Eigen::Vector3d::Zero(), best_arm = best_force;
     double largest = -1e300;

@@ -67,8 +67,9 @@ class MotionFilter {
     const double stamp = 1.0 / (0.09 * T * T);
     double along = 0.0, speed = 0.0;
     for (Eigen::Index i = 0; i < v_.size(); ++i) {
-      along += v_[i] * (q[i] - last_[i]);
-      speed += v_[i] * v_[i];
+      const double v = v_[i] + 0.5 * dt * a_[i];  // in the middle
+      along += v * (q[i] - last_[i]);
+      speed += v * v;
     }
     const double likely = (along * position + dt * stamp) / (speed * position + stamp);
     return T * std::round(std::fmax(likely / T, 0.0));

@@ -20,15 +20,15 @@ struct HeldOutLog {
 /// What the residual of the loop strays by, from the residuals themselves: every log is run through a
 /// TorqueEstimator as it was recorded, row by row.
 ///
-/// The clock: the period is the median of the stamps' differences where the motion along the measured
-/// velocity comes in whole periods (half of the rows within a tenth of one), else none. motion_bandwidth: of
-/// 25, 50, 100 and 200 1/s the one whose residuals have the smallest determinant of their covariance. For
-/// each joint the coefficients of sigma^2 from the squares of the residual (nonnegative least squares,
-/// weights iterated; a quarter of the mean stays constant, for states that the logs did not visit);
-/// stiction_speed is a tenth of the joint's rms speed, sticking half the friction model's step through it.
-/// The tail of the statistic: exponential above the 60 % quantile of its maxima over blocks of 8 / window
-/// seconds, its scale two standard deviations up, so that the alarms promised are an upper bound in 39 of 40
-/// cases.
+/// The clock: the period is the time between the rows over the periods that they were apart, where the motion
+/// along the measured velocity comes in whole periods (half of the rows within a tenth of one), else none.
+/// motion_bandwidth: of 25, 50, 100 and 200 1/s the one whose residuals have the smallest determinant of
+/// their covariance. For each joint the coefficients of sigma^2 from the squares of the residual (nonnegative
+/// least squares, weights iterated; a quarter of the mean stays constant, for states that the logs did not
+/// visit); stiction_speed is a tenth of the joint's rms speed, sticking half the friction model's step
+/// through it. The tail of the statistic: exponential above the 60 % quantile of its maxima over blocks of 8
+/// / window seconds, its scale two standard deviations up, so that the alarms promised are an upper bound in
+/// 39 of 40 cases.
 ///
 /// Effects that the loop cannot compute are left out. Throws Error: no parts, robots of different sizes, a
 /// log without t, dq or tau, less than 5 s of data, rows further apart than 10 ms.
