@@ -19,7 +19,7 @@ namespace {
 constexpr std::array<double, 4> motion_bandwidths = {25.0, 50.0, 100.0, 200.0};  // [1/s]
 constexpr double shortest_data = 5.0;                                            // [s]
 constexpr double coarsest = 0.01;  // [s] between rows: coarser, the window holds no sample
-constexpr int folds = 6;
+constexpr int folds = 8;
 constexpr double lead = 0.5;            // [s] of rows before a fold that fill its filters
 constexpr double part_constant = 0.25;  // of the mean variance
 constexpr double slow = 0.1;            // of a joint's rms speed: its stiction zone

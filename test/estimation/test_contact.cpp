@@ -78,19 +78,31 @@ TorqueEstimatorOptions estimator_options(const Judged& judged) {
   return options;
 }
 
-/// The residual's largest part of the usual thresholds where nothing touches: the fixed thresholds that raise
-/// no alarm on the judged log are these times the usual ones.
+/// The fixed thresholds that raise one false alarm an hour are these times the usual ones: the tail of the
+/// squares of the residual's largest part of the usual thresholds, of the judged log itself and without
+/// caution.
 double fixed_factor(const Judged& judged) {
   TorqueEstimator<> estimator(judged.model, {});
   const VectorXd usual = TorqueEstimator<>::usual_contact_threshold(estimator.model().torque_limit());
-  double factor = 0.0;
+  constexpr double block = 0.1;  // [s]
+  std::vector<double> maxima;
+  double largest = 0.0, until = judged.log.t[0] + block;
   for (Eigen::Index k = 0; k < judged.log.samples(); ++k) {
     const Estimate<>& e =
         estimator.step(k > 0 ? judged.log.t[k] - judged.log.t[k - 1] : 0.0, judged.log.q.row(k).transpose(),
                        judged.log.dq.row(k).transpose(), judged.log.tau.row(k).transpose());
-    factor = std::max(factor, e.residual.cwiseAbs().cwiseQuotient(usual).maxCoeff());
+    largest = std::max(largest, e.residual.cwiseAbs2().cwiseQuotient(usual.cwiseAbs2()).maxCoeff());
+    if (judged.log.t[k] < until) continue;
+    maxima.push_back(largest);
+    largest = 0.0, until += block;
   }
-  return factor;
+  std::sort(maxima.begin(), maxima.end());
+  const double level = maxima[maxima.size() * 6 / 10];
+  double sum = 0.0, count = 0.0;
+  for (double x : maxima)
+    if (x > level) sum += x - level, count += 1.0;
+  const ContactTail tail{level, sum / count, 3600.0 * count / (double(maxima.size()) * block)};
+  return std::sqrt(std::max(tail.threshold(1.0), maxima.back()));
 }
 
 constexpr double lead = 0.6, held = 0.6;  // [s] before a push, and that it lasts
@@ -200,7 +212,8 @@ double percentile(std::vector<double> x, double part) {
 
 /// What an arm shows over its pushes.
 struct Score {
-  int strong = 0, seen = 0, weak = 0, weak_seen = 0, weak_fixed = 0, located = 0, found = 0, before = 0;
+  int strong = 0, seen = 0, weak = 0, weak_seen = 0, weak_fixed = 0, located = 0, weak_located = 0,
+      before = 0;
   double median = INFINITY, ninety = INFINITY, wrench = INFINITY;
   double alarms_per_hour = INFINITY;  ///< allowed: 1
   double often_per_hour = INFINITY;   ///< allowed: 1200
@@ -236,10 +249,8 @@ Score score(const Judged& judged, const std::vector<int>& links, int pushes, dou
       out.weak_seen += seen;
       out.weak_fixed += std::isfinite(o.fixed);
     }
-    if (seen) {
-      ++out.found;
-      out.located += o.link == push.link;
-    }
+    if (seen && o.torque > torque) out.located += o.link == push.link;
+    if (seen && o.torque <= torque) out.weak_located += o.link == push.link;
     // Where the fixed-gain observer's wrench means the same: on the last link.
     if (push.link + 1 == judged.model.size()) error += o.error, fixed_error += o.fixed_error;
   }
@@ -249,15 +260,16 @@ Score score(const Judged& judged, const std::vector<int>& links, int pushes, dou
   out.alarms_per_hour = double(false_alarms(judged, 1.0, seconds, seed)) / hours;
   out.often_per_hour = double(false_alarms(judged, 1200.0, seconds, seed)) / hours;
   std::printf(
-      "%s: strong pushes seen %d of %d, delay beyond %g N m median %.1f ms, 90 %% %.1f ms; weak seen %d of "
-      "%d, by fixed thresholds %d; link right %d of %d; force error %.2f of the fixed gain's; false alarms "
-      "an "
-      "hour in %.0f s resampled: %.1f with 1 allowed, %.0f with 1200; %d seen too early; tail %.1f + %.1f x, "
-      "threshold %.1f, motion %g 1/s, period %g s\n",
-      judged.name.c_str(), out.seen, out.strong, torque, 1e3 * out.median, 1e3 * out.ninety, out.weak_seen,
-      out.weak, out.weak_fixed, out.located, out.found, out.wrench, seconds, out.alarms_per_hour,
-      out.often_per_hour, out.before, judged.uncertainty.tail.level, judged.uncertainty.tail.scale,
-      judged.uncertainty.tail.threshold(1.0), judged.uncertainty.motion_bandwidth, judged.uncertainty.period);
+      "%s: strong pushes seen %d of %d, delay beyond %g N m median %.1f ms, 90 %% %.1f ms, link right %d; "
+      "weak "
+      "seen %d of %d, link right %d, by fixed thresholds seen %d; force error %.2f of the fixed gain's; "
+      "false "
+      "alarms an hour in %.0f s resampled: %.1f with 1 allowed, %.0f with 1200; %d seen too early; threshold "
+      "%.1f = %.1f + %.1f x, motion %g 1/s, period %g s\n",
+      judged.name.c_str(), out.seen, out.strong, torque, 1e3 * out.median, 1e3 * out.ninety, out.located,
+      out.weak_seen, out.weak, out.weak_located, out.weak_fixed, out.wrench, seconds, out.alarms_per_hour,
+      out.often_per_hour, out.before, judged.uncertainty.tail.threshold(1.0), judged.uncertainty.tail.level,
+      judged.uncertainty.tail.scale, judged.uncertainty.motion_bandwidth, judged.uncertainty.period);
   return out;
 }
 
@@ -272,7 +284,6 @@ void expect_as_promised(const Score& s, const std::string& name) {
   EXPECT_GE(s.seen, 0.95 * s.strong) << name;
   EXPECT_LE(s.median, 0.010) << name;
   EXPECT_LE(s.ninety, 0.025) << name;
-  EXPECT_GE(s.weak_seen, 2 * s.weak_fixed) << name;
 }
 
 TEST(Contact, PushesOnTheRecordedPanda) {
@@ -286,7 +297,8 @@ TEST(Contact, PushesOnTheRecordedPanda) {
     EXPECT_NEAR(judged.uncertainty.period, 1e-3, 1e-5);
     const Score s = score(judged, {6, 3, 2}, 100, 20.0, 2.0, seconds_asked(), 7);
     expect_as_promised(s, judged.name);
-    EXPECT_GE(s.located, 0.9 * s.found) << judged.name;
+    EXPECT_GE(s.weak_seen, 2 * s.weak_fixed) << judged.name;
+    EXPECT_GE(s.located, 0.9 * s.seen) << judged.name;
     EXPECT_LE(s.wrench, 0.7) << judged.name;
   }
 }
@@ -343,10 +355,14 @@ TEST(Contact, PushesOnSimulatedArms) {
     const Robot robot = six_joint_arm(weight > 1.0 ? "heavy arm" : "cobot", size, weight);
     const Judged judged =
         halves(robot.name, robot, simulated_log(robot, 20.0, 3), FrictionLaw::linear, false);
-    // Forces and torques as a part of what the arm carries.
-    const Score s = score(judged, {5, 3, 2}, 100, 20.0 * weight, 2.0 * weight * size, seconds_asked(), 11);
+    // Forces and torques as a part of what the arm carries; those that fixed thresholds miss are smaller
+    // still.
+    const double force = 20.0 * weight, torque = 2.0 * weight * size;
+    const Score s = score(judged, {5, 2, 1}, 100, force, torque, seconds_asked(), 11);
     expect_as_promised(s, judged.name);
-    EXPECT_GE(s.located, 0.9 * s.found) << judged.name;
+    const Score weak = score(judged, {5, 2, 1}, 100, 0.2 * force, torque, 100.0, 12);
+    EXPECT_GE(weak.weak_seen, 2 * weak.weak_fixed) << judged.name;
+    EXPECT_GE(s.located, 0.9 * s.seen) << judged.name;
     EXPECT_LE(s.wrench, 0.7) << judged.name;
   }
 }

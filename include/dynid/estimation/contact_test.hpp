@@ -54,9 +54,8 @@ struct Contact {
 /// white nor normal.
 ///
 /// While there is contact, a force at the contact_point of each link is fitted to the residual, drawn towards
-/// twice the size that a push at the tip with this statistic has, and the link is the one whose marginal
-/// likelihood, averaged over 50 ms, is largest: the Jacobian's pattern decides, a joint beyond the pushed
-/// link speaks against it.
+/// the size that makes such a statistic there, and the link is the one whose marginal likelihood, averaged
+/// over 0.2 s, is largest: the Jacobian's pattern decides, a joint beyond the pushed link speaks against it.
 ///
 /// The constructor and make_tuning() throw and allocate; nothing else does.
 template <int N = Eigen::Dynamic>
@@ -92,7 +91,14 @@ class ContactTest {
     return tuning;
   }
 
-  explicit ContactTest(int n) : score_(Vector::Zero(n)), rest_(score_), r_(score_), z_(score_) {
+  explicit ContactTest(int n)
+      : score_(Vector::Zero(n)),
+        rest_(score_),
+        r_(score_),
+        z_(score_),
+        white_(score_),
+        deviation_(score_),
+        levers_(3, n) {
     contact_.residual = contact_.variance = score_;
     if constexpr (N == Eigen::Dynamic) {
       poses_.resize(static_cast<std::size_t>(n) + 1);
@@ -150,11 +156,15 @@ class ContactTest {
     const int n = model.size();
     forward_kinematics(model, ws, q, poses_);
     const Eigen::Vector3d centre = poses_[static_cast<std::size_t>(n) - 1] * origin;
-    const double average = contact_.link < 0 ? 1.0 : dt / (dt + 0.05);
-    double levers = 0.0;
-    for (int i = 0; i < n; ++i) levers += jacobian.col(i).template head<3>().squaredNorm();
-    const double prior =
-        levers / (4.0 * std::max(contact_.statistic, tuning.threshold) * contact_.variance.sum());
+    located_ = contact_.link < 0 ? dt : std::min(located_ + dt, memory);
+    const double average = dt / located_;
+    // Residual and Jacobian whitened, so that what two joints stray by together is no push.
+    for (int i = 0; i < n; ++i) {
+      white_[i] = 0.0;
+      for (int j = 0; j <= i; ++j) white_[i] += tuning.whitening(i, j) * z_[j];
+      deviation_[i] = std::sqrt(contact_.variance[i]);
+    }
+    const double observed = std::max(contact_.statistic, tuning.threshold);
     Eigen::Matrix3d best_covariance = Eigen::Matrix3d::Zero();
     Eigen::Vector3d best_force = Eigen::Vector3d::Zero(), best_arm = best_force;
     double largest = -1e300;
@@ -162,15 +172,21 @@ class ContactTest {
       points_[static_cast<std::size_t>(k)] =
           poses_[static_cast<std::size_t>(k)] * tuning.joints[static_cast<std::size_t>(k)].contact_point;
       const Eigen::Vector3d arm = points_[static_cast<std::size_t>(k)] - centre;
-      Eigen::Matrix3d A = prior * Eigen::Matrix3d::Identity();
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
       for (int i = 0; i <= k; ++i) {
         const Eigen::Vector3d turn = jacobian.col(i).template tail<3>() / length;
-        const Eigen::Vector3d j = jacobian.col(i).template head<3>() + turn.cross(arm);
-        const double weight = 1.0 / contact_.variance[i];
-        A.noalias() += weight * j * j.transpose();
-        b += weight * contact_.residual[i] * j;
+        levers_.col(i) = (jacobian.col(i).template head<3>() + turn.cross(arm)) / deviation_[i];
       }
+      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+      Eigen::Vector3d b = Eigen::Vector3d::Zero();
+      for (int i = 0; i < n; ++i) {
+        Eigen::Vector3d j = Eigen::Vector3d::Zero();
+        for (int c = 0; c <= std::min(i, k); ++c) j += tuning.whitening(i, c) * levers_.col(c);
+        A.noalias() += j * j.transpose();
+        b += white_[i] * j;
+      }
+      // Forces of this size make a statistic as observed, whatever their direction.
+      const double prior = A.trace() > 0.0 ? A.trace() / observed : 1.0;
+      A.diagonal().array() += prior;
       const Eigen::Matrix3d C = A.inverse();
       const Eigen::Vector3d force = C * b;
       const double evidence =
@@ -203,12 +219,14 @@ class ContactTest {
  private:
   static constexpr double sticks = 0.05;  // [s] of rest, then a joint sticks
   static constexpr double rests = 0.1;    // of its stiction speed
+  static constexpr double memory = 0.2;   // [s] that the links are compared over
 
   void release() noexcept {
     contact_.detected = false;
     contact_.link = -1;
     contact_.wrench.setZero(), contact_.covariance.setZero(), contact_.point.setZero();
     score_.setZero();
+    located_ = 0.0;
   }
 
   template <class T, int More>
@@ -216,12 +234,13 @@ class ContactTest {
       std::conditional_t<N == Eigen::Dynamic, std::vector<T>,
                          std::array<T, N == Eigen::Dynamic ? 1 : static_cast<std::size_t>(N + More)>>;
 
-  Vector score_, rest_, r_, z_;
+  Vector score_, rest_, r_, z_, white_, deviation_;
+  Eigen::Matrix<double, 3, N> levers_;
   Some<Eigen::Isometry3d, 1> poses_;
   Some<Eigen::Vector3d, 0> points_;
   Contact<N> contact_;
-  double step_ = 0.0, share_ = 0.0;  // of the low-pass
-  double settled_ = 0.0;
+  double step_ = 0.0, share_ = 0.0;       // of the low-pass
+  double settled_ = 0.0, located_ = 0.0;  // [s]
 };
 
 }  // namespace dynid

@@ -34,7 +34,7 @@ struct HeldOutLog {
 /// log without t, dq or tau, less than 5 s of data, rows further apart than 10 ms.
 Uncertainty learn_uncertainty(const std::vector<HeldOutLog>& parts);
 
-/// Of an identified model: from the validation logs, if any; else from sixths of the logs, each predicted
+/// Of an identified model: from the validation logs, if any; else from eighths of the logs, each predicted
 /// by a model identified from the rest. `robot`: as given to identify(), whose centres of mass are the
 /// contact points (the tip on the last link); `identified`: what it returned. Throws Error as identify() and
 /// learn_uncertainty().
