@@ -75,7 +75,7 @@ void none_in_the_loop(const Robot& robot, ObserverOrder order) {
   for (JointUncertainty& joint : options.uncertainty->joints) joint.constant = 1e-4;
   options.uncertainty->correlation = Eigen::MatrixXd::Identity(model.size(), model.size());
   options.uncertainty->period = 1e-3, options.uncertainty->position_noise = 1.0;  // the stamps decide
-  options.uncertainty->window = options.uncertainty->motion_bandwidth = 5000.0;  // settled at once
+  options.uncertainty->window = options.uncertainty->motion_bandwidth = 5000.0;   // settled at once
   options.uncertainty->tail = {1e-6, 1e-6, 1.0};
   TorqueEstimator<N> estimator(model, options);
   const int n = model.size();

@@ -21,7 +21,8 @@ struct LearntUncertainty {
 LearntUncertainty uncertainty_of(const IdentifyJob& job, const IdentifyReport& report);
 
 /// Of a patched model: learn_uncertainty() on the last log, which only judges the patch; with one log, which
-/// the patch was fitted to, there is none and the note says so. Nothing, and no note, where there is no patch.
+/// the patch was fitted to, there is none and the note says so. Nothing, and no note, where there is no
+/// patch.
 LearntUncertainty uncertainty_of(const DiagnoseJob& job, const DiagnoseReport& report);
 
 }  // namespace dynid
