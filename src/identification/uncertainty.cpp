@@ -239,6 +239,13 @@ Eigen::Vector3d contact_point(const Robot& robot, std::size_t link) {
   return 0.5 * robot.joints[link + 1].origin.translation();
 }
 
+/// Size of a link: from its joint to the next, or to its tip; to its centre of mass where that is further.
+double link_extent(const Robot& robot, std::size_t link, const Eigen::Vector3d& contact) {
+  const Eigen::Isometry3d& end =
+      link + 1 == robot.joints.size() ? robot.tip : robot.joints[link + 1].origin;
+  return std::max({end.translation().norm(), contact.norm(), 1e-9});
+}
+
 Log rows_of_log(const Log& log, Eigen::Index first, Eigen::Index count) {
   Log out = log;
   if (log.t.size() > 0) out.t = log.t.segment(first, count).eval();
@@ -311,6 +318,7 @@ Uncertainty learn_uncertainty(const std::vector<HeldOutLog>& parts) {
     const double step = friction_torque(joint.friction, v) - friction_torque(joint.friction, -v);
     u.sticking = std::max(0.0, 0.5 * step - joint.friction.linear.viscous * v);
     u.contact_point = contact_point(robot, static_cast<std::size_t>(j));
+    u.extent = link_extent(robot, static_cast<std::size_t>(j), u.contact_point);
     fit_variance(residuals, j, u);
   }
   out.correlation = correlation(moments(residuals, &out.joints));
@@ -342,8 +350,10 @@ Uncertainty identify_uncertainty(const Robot& robot, const Robot& identified, co
     for (HeldOutLog& part : out) part.robot = fitted, parts.push_back(std::move(part));
   }
   Uncertainty learnt = learn_uncertainty(parts);
-  for (std::size_t i = 0; i < learnt.joints.size(); ++i)
+  for (std::size_t i = 0; i < learnt.joints.size(); ++i) {
     learnt.joints[i].contact_point = contact_point(robot, i);
+    learnt.joints[i].extent = link_extent(robot, i, learnt.joints[i].contact_point);
+  }
   return learnt;
 }
 

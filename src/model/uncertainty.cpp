@@ -38,6 +38,7 @@ void validate(const Uncertainty& uncertainty, int joints) {
     not_negative(u.acceleration, joint + "acceleration");
     not_negative(u.sticking, joint + "sticking");
     positive(u.stiction_speed, joint + "stiction_speed");
+    positive(u.extent, joint + "extent");
     if (!u.contact_point.allFinite()) throw Error("uncertainty: " + joint + "contact_point is not finite");
   }
   const Eigen::MatrixXd& C = uncertainty.correlation;

@@ -233,7 +233,7 @@ constexpr UncertaintyKey uncertainty_keys[] = {
     {"constant", &JointUncertainty::constant},         {"speed", &JointUncertainty::speed},
     {"stiction", &JointUncertainty::stiction},         {"load", &JointUncertainty::load},
     {"acceleration", &JointUncertainty::acceleration}, {"stiction_speed", &JointUncertainty::stiction_speed},
-    {"sticking", &JointUncertainty::sticking}};
+    {"sticking", &JointUncertainty::sticking},         {"extent", &JointUncertainty::extent}};
 
 Uncertainty uncertainty_in(const YamlItem& item, int joints) {
   item.expect_keys({"seconds", "window", "motion", "tail", "joints", "correlation"});
@@ -250,7 +250,7 @@ Uncertainty uncertainty_in(const YamlItem& item, int joints) {
                       tail.at("per_hour").positive_number()};
   for (const YamlItem& entry : item.at("joints").list()) {
     entry.expect_keys({"constant", "speed", "stiction", "load", "acceleration", "stiction_speed", "sticking",
-                       "contact_point"});
+                       "extent", "contact_point"});
     JointUncertainty joint;
     for (const UncertaintyKey& k : uncertainty_keys)
       if (entry.has(k.key)) joint.*k.value = entry.at(k.key).number();

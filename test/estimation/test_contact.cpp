@@ -496,7 +496,7 @@ TEST(Contact, FindsLinkAndForceOfAPush) {
       external[i] = (J.col(i).head<3>() + J.col(i).tail<3>().cross(arm)).dot(force);
     for (int k = 0; k < 500; ++k)
       if (test.update(1e-3, external, none, none, none, tuning))
-        test.locate(1e-3, model, ws, q, J, 1.0, model.tip().translation(), tuning);
+        test.locate(1e-3, model, ws, J, 1.0, model.tip().translation(), tuning);
     const Contact<7>& contact = test.contact();
     EXPECT_TRUE(contact.detected);
     EXPECT_EQ(contact.link, link);

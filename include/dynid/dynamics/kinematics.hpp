@@ -46,6 +46,22 @@ void forward_kinematics(const Model<N>& model, Workspace<N, Scalar>& ws, const E
   }
 }
 
+/// A point of a link, where forward_kinematics() or jacobian() has just been called: no joint is placed
+/// again.
+///
+/// ws: as either left it. link: 0 to n - 1. point [m]: in the link's frame. Returns it in the base frame [m].
+/// Neither allocates nor throws.
+template <int N>
+Eigen::Vector3d placed_point(const Model<N>& model, Workspace<N>& ws, int link,
+                             const Eigen::Vector3d& point) noexcept {
+  const Eigen::Vector3d r = model.axes(link).transpose() * point;
+  Eigen::Vector3d in_zero;
+  for (int k = 0; k < 3; ++k)
+    in_zero[k] = ws.row(detail::row_p + k)[link] + ws.row(detail::row_x + k)[link] * r.x() +
+                 ws.row(detail::row_y + k)[link] * r.y() + ws.row(detail::row_z + k)[link] * r.z();
+  return model.base() * in_zero;
+}
+
 /// Geometric Jacobian of a point fixed in the last link.
 ///
 /// q [rad or m]: n, joints base to tip, any Eigen column expression of `Scalar`. `point`: a pose in the last

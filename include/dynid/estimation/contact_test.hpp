@@ -3,13 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "dynid/base/error.hpp"
@@ -69,6 +66,7 @@ class ContactTest {
     Eigen::Matrix<double, N, N> whitening;  ///< lower triangular W, W^T W = C^-1
     double window = 0.0, threshold = 0.0;
     double settling = 0.0;  ///< [s] before which there is no statistic
+    Vector log_extent;      ///< log of the links' sizes: the larger, the likelier it is met
     ContactTestOptions options;
   };
   static Tuning make_tuning(const Uncertainty& uncertainty, int n, const ContactTestOptions& options) {
@@ -87,6 +85,8 @@ class ContactTest {
     tuning.window = uncertainty.window;
     tuning.threshold = uncertainty.tail.threshold(options.false_alarms_per_hour);
     tuning.settling = 10.0 / std::min(uncertainty.window, uncertainty.motion_bandwidth);
+    tuning.log_extent.resize(n);
+    for (int i = 0; i < n; ++i) tuning.log_extent[i] = std::log(uncertainty.joints[static_cast<std::size_t>(i)].extent);
     tuning.options = options;
     return tuning;
   }
@@ -97,13 +97,9 @@ class ContactTest {
         r_(score_),
         z_(score_),
         white_(score_),
-        deviation_(score_),
-        levers_(3, n) {
+        certainty_(score_),
+        levers_(6, n) {
     contact_.residual = contact_.variance = score_;
-    if constexpr (N == Eigen::Dynamic) {
-      poses_.resize(static_cast<std::size_t>(n) + 1);
-      points_.resize(static_cast<std::size_t>(n));
-    }
   }
 
   /// Forgets the past.
@@ -131,7 +127,8 @@ class ContactTest {
       const double interval = rest_[i] > sticks ? u.sticking : 0.0;
       contact_.residual[i] = r_[i] - std::clamp(r_[i], -interval, interval);
       contact_.variance[i] = u.variance(dq[i], tau[i], ddq[i]);
-      z_[i] = contact_.residual[i] / std::sqrt(contact_.variance[i]);
+      certainty_[i] = 1.0 / std::sqrt(contact_.variance[i]);
+      z_[i] = certainty_[i] * contact_.residual[i];
     }
     settled_ += dt;
     contact_.statistic = 0.0;
@@ -148,57 +145,69 @@ class ContactTest {
     return contact_.detected;
   }
 
-  /// While there is contact, after update(): which link, and the wrench. q [rad or m]: n. jacobian: 6 x n of
-  /// the wrench's frame, rows 3-5 times `length` [m]; origin: of that frame, in the last link's frame [m].
+  /// While there is contact, after update(): which link, and the wrench. ws: as jacobian() left it at the
+  /// present q. jacobian: 6 x n of the wrench's frame, rows 3-5 times `length` [m]; origin: of that frame, in
+  /// the last link's frame [m].
   template <class Jacobian>
-  void locate(double dt, const Model<N>& model, Workspace<N>& ws, const Vector& q, const Jacobian& jacobian,
+  void locate(double dt, const Model<N>& model, Workspace<N>& ws, const Jacobian& jacobian,
               double length, const Eigen::Vector3d& origin, const Tuning& tuning) noexcept {
     const int n = model.size();
-    forward_kinematics(model, ws, q, poses_);
-    const Eigen::Vector3d centre = poses_[static_cast<std::size_t>(n) - 1] * origin;
-    located_ = contact_.link < 0 ? dt : std::min(located_ + dt, memory);
-    const double average = dt / located_;
+    const Eigen::Vector3d centre = placed_point(model, ws, n - 1, origin);
+    const bool first = contact_.link < 0;
+    located_ = first ? dt : std::min(located_ + dt, memory);
+    turn_ = first || turn_ + 1 == turns ? 0 : turn_ + 1;
     // Residual and Jacobian whitened, so that what two joints stray by together is no push.
     for (int i = 0; i < n; ++i) {
       white_[i] = 0.0;
       for (int j = 0; j <= i; ++j) white_[i] += tuning.whitening(i, j) * z_[j];
-      deviation_[i] = std::sqrt(contact_.variance[i]);
     }
+    levers_.setZero();
     const double observed = std::max(contact_.statistic, tuning.threshold);
     Eigen::Matrix3d best_covariance = Eigen::Matrix3d::Zero();
     Eigen::Vector3d best_force = Eigen::Vector3d::Zero(), best_arm = best_force;
-    double largest = -1e300;
+    double largest = -std::numeric_limits<double>::infinity();
+    int link = 0;
+    const double per_length = 1.0 / length;
     for (int k = 0; k < n; ++k) {
-      points_[static_cast<std::size_t>(k)] =
-          poses_[static_cast<std::size_t>(k)] * tuning.joints[static_cast<std::size_t>(k)].contact_point;
-      const Eigen::Vector3d arm = points_[static_cast<std::size_t>(k)] - centre;
-      for (int i = 0; i <= k; ++i) {
-        const Eigen::Vector3d turn = jacobian.col(i).template tail<3>() / length;
-        levers_.col(i) = (jacobian.col(i).template head<3>() + turn.cross(arm)) / deviation_[i];
-      }
-      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+      // A link feels the joints up to its own: joint k joins the sums W J.
+      Vector6 column = certainty_[k] * jacobian.col(k);
+      column.template tail<3>() *= per_length;
+      for (int i = k; i < n; ++i) levers_.col(i) += tuning.whitening(i, k) * column;
+      // The links take turns, but the one that is pushed and the first look at all of them.
+      const bool pushed = k == contact_.link;
+      if (!(first || pushed || k % turns == turn_)) continue;
+      const Eigen::Vector3d point =
+          placed_point(model, ws, k, tuning.joints[static_cast<std::size_t>(k)].contact_point);
+      const Eigen::Vector3d arm = point - centre;
+      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();  // its lower triangle
       Eigen::Vector3d b = Eigen::Vector3d::Zero();
       for (int i = 0; i < n; ++i) {
-        Eigen::Vector3d j = Eigen::Vector3d::Zero();
-        for (int c = 0; c <= std::min(i, k); ++c) j += tuning.whitening(i, c) * levers_.col(c);
-        A.noalias() += j * j.transpose();
-        b += white_[i] * j;
+        const double* const l = levers_.data() + 6 * i;
+        const double j[3] = {l[0] + l[4] * arm.z() - l[5] * arm.y(), l[1] + l[5] * arm.x() - l[3] * arm.z(),
+                             l[2] + l[3] * arm.y() - l[4] * arm.x()};
+        for (int c = 0; c < 3; ++c) {
+          b[c] += white_[i] * j[c];
+          for (int r = c; r < 3; ++r) A(r, c) += j[r] * j[c];
+        }
       }
       // Forces of this size make a statistic as observed, whatever their direction.
       const double prior = A.trace() > 0.0 ? A.trace() / observed : 1.0;
       A.diagonal().array() += prior;
-      const Eigen::Matrix3d C = A.inverse();
+      Eigen::Matrix3d C;
+      const double determinant = inverse(A, C);
       const Eigen::Vector3d force = C * b;
-      const double evidence =
-          0.5 * b.dot(force) + 0.5 * std::log(std::max(C.determinant() * prior * prior * prior, 1e-300));
-      score_[k] += average * (evidence - score_[k]);
-      if (score_[k] > largest) {
-        largest = score_[k];
-        contact_.link = k;
-        best_force = force, best_covariance = C, best_arm = arm;
-      }
+      // Less what the pushed joints' residual has of it: links are compared over different cycles.
+      const double evidence = 0.5 * (b.dot(force) - contact_.statistic) +
+                              0.5 * std::log(std::max(prior * prior * prior / determinant, 1e-300)) +
+                              tuning.log_extent[k];
+      score_[k] += std::min((pushed ? 1.0 : turns) * dt / located_, 1.0) * (evidence - score_[k]);
+      if (!(score_[k] > largest)) continue;
+      largest = score_[k];
+      link = k;
+      contact_.point = point;
+      best_force = force, best_covariance = C, best_arm = arm;
     }
-    contact_.point = points_[static_cast<std::size_t>(contact_.link)];
+    contact_.link = link;
     // The moment is that of the force at the point, which may be a little off.
     Eigen::Matrix3d cross, force_cross;
     cross << 0, -best_arm.z(), best_arm.y(), best_arm.z(), 0, -best_arm.x(), -best_arm.y(), best_arm.x(), 0;
@@ -220,6 +229,7 @@ class ContactTest {
   static constexpr double sticks = 0.05;  // [s] of rest, then a joint sticks
   static constexpr double rests = 0.1;    // of its stiction speed
   static constexpr double memory = 0.2;   // [s] that the links are compared over
+  static constexpr int turns = 4;         // cycles in which every link has been looked at
 
   void release() noexcept {
     contact_.detected = false;
@@ -229,18 +239,25 @@ class ContactTest {
     located_ = 0.0;
   }
 
-  template <class T, int More>
-  using Some =
-      std::conditional_t<N == Eigen::Dynamic, std::vector<T>,
-                         std::array<T, N == Eigen::Dynamic ? 1 : static_cast<std::size_t>(N + More)>>;
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-  Vector score_, rest_, r_, z_, white_, deviation_;
-  Eigen::Matrix<double, 3, N> levers_;
-  Some<Eigen::Isometry3d, 1> poses_;
-  Some<Eigen::Vector3d, 0> points_;
+  // Of a symmetric matrix given by its lower triangle; returns its determinant.
+  static double inverse(const Eigen::Matrix3d& A, Eigen::Matrix3d& C) noexcept {
+    const double xx = A(1, 1) * A(2, 2) - A(2, 1) * A(2, 1), xy = A(2, 1) * A(2, 0) - A(1, 0) * A(2, 2),
+                 xz = A(1, 0) * A(2, 1) - A(1, 1) * A(2, 0), yy = A(0, 0) * A(2, 2) - A(2, 0) * A(2, 0),
+                 yz = A(1, 0) * A(2, 0) - A(0, 0) * A(2, 1), zz = A(0, 0) * A(1, 1) - A(1, 0) * A(1, 0);
+    const double determinant = A(0, 0) * xx + A(1, 0) * xy + A(2, 0) * xz;
+    C << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+    C *= 1.0 / determinant;
+    return determinant;
+  }
+
+  Vector score_, rest_, r_, z_, white_, certainty_;  // the last: 1 / sigma
+  Eigen::Matrix<double, 6, N> levers_;  // of the joints' sums, angular rows last
   Contact<N> contact_;
   double step_ = 0.0, share_ = 0.0;       // of the low-pass
   double settled_ = 0.0, located_ = 0.0;  // [s]
+  int turn_ = 0;
 };
 
 }  // namespace dynid

@@ -313,7 +313,7 @@ class TorqueEstimator {
   void test(double dt, const TorqueModel<N>& model) noexcept {
     const auto& tuning = tunings_.front().test;
     if (dt > 0.0 && test_.update(dt, out_.external, dq_used_, out_.tau_model, ddq_used_, tuning))
-      test_.locate(dt, model.rigid_body(), ws_, q_, wrench_.scaled_jacobian(), wrench_.length(),
+      test_.locate(dt, model.rigid_body(), ws_, wrench_.scaled_jacobian(), wrench_.length(),
                    wrench_.frame().translation(), tuning);
     out_.pushed = test_.contact();
   }

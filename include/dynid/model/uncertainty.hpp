@@ -24,6 +24,7 @@ struct JointUncertainty {
   double acceleration = 0.0;     ///< [(N m)^2 s^4]
   double stiction_speed = 0.02;  ///< [rad/s], > 0; a joint slower than a tenth of it for 50 ms sticks
   double sticking = 0.0;         ///< [N m]
+  double extent = 1.0;           ///< [m], > 0: size of the link, how likely it is the one that is met
   /// Where a push on the joint's link is looked for [m], in the link's frame.
   Eigen::Vector3d contact_point = Eigen::Vector3d::Zero();
 
