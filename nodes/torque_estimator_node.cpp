@@ -47,6 +47,7 @@ class TorqueEstimatorNode {
     core_.set_wrench_frame(frames_.wrench_frame());
     for (const std::string& name : parameters_.unknown())
       ROS_WARN("%s is set, and nobody asks for it", name.c_str());
+    tell_of_test();
     model_publisher_ = private_.advertise<std_msgs::String>("parameters", 1, true);
     publish_model();
 
@@ -191,15 +192,31 @@ class TorqueEstimatorNode {
       if (robot.joints[i].name != before.joints[i].name)
         parameters_.refuse("model", loaded.path + " calls joint " + std::to_string(i + 1) + " '" +
                                         robot.joints[i].name + "', not '" + before.joints[i].name + "'");
+    if (tuned_.order == ObserverOrder::kalman && !loaded.uncertainty)
+      parameters_.refuse("model", loaded.path + " has no `uncertainty:`, which a Kalman observer needs");
     frames_.set_robot(robot);
     core_.adopt(model(robot, setup_.payload));
-    if (parameters_.number("false_alarms_per_hour", 0.0, {0.0, 3600.0}) > 0.0) {
+    if (const double alarms = false_alarms_allowed(); alarms > 0.0) {
       setup_.core.estimator.uncertainty = tuned_.uncertainty = loaded.uncertainty;
+      tuned_.test.false_alarms_per_hour = alarms;
       core_.retune(tuned_);
     }
     setup_.model = std::move(loaded);
+    tell_of_test();
     publish_model();
     return setup_.model.path;
+  }
+
+  double false_alarms_allowed() const {
+    return parameters_.number("false_alarms_per_hour", 0.0, {0.0, 3600.0});
+  }
+  /// Who asks for false alarms an hour may get fixed thresholds: that is said.
+  void tell_of_test() const {
+    if (false_alarms_allowed() > 0.0 && !setup_.model.uncertainty)
+      ROS_WARN(
+          "~false_alarms_per_hour: %s has no `uncertainty:`, which dynid identify --out writes; a contact is "
+          "told by fixed thresholds until a model with it is loaded",
+          setup_.model.path.c_str());
   }
 
   static std::vector<std::string> link_names(const EstimatorSetup& setup) {

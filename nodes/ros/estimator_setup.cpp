@@ -75,9 +75,10 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   options.gain = every(options.gain, Eigen::VectorXd::Constant(n, TorqueEstimator<>::usual_gain));
   options.contact_threshold =
       every(options.contact_threshold, TorqueEstimator<>::usual_contact_threshold(torque_limit));
-  options.order = parameters.choice("observer_order", "first", {"first", "second"}) == "first"
-                      ? ObserverOrder::first
-                      : ObserverOrder::second;
+  const std::string order = parameters.choice("observer_order", "first", {"first", "second", "kalman"});
+  options.order = order == "first"    ? ObserverOrder::first
+                  : order == "second" ? ObserverOrder::second
+                                      : ObserverOrder::kalman;
   options.damping = parameters.number("observer_damping", 1.0, {0.0, 1.0, true});
   options.longest_dt = parameters.number("longest_gap", 0.1, {0.0, 10.0, true});
   options.bridge = parameters.number("bridge", 0.003, {0.0, 10.0});
@@ -86,12 +87,13 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
   options.wrench.singular_below = parameters.number("singular_below", 0.04, {0.0, 10.0, true});
   const double alarms = parameters.number("false_alarms_per_hour", 0.0, {0.0, 3600.0});
   if (alarms > 0.0) {
-    if (!setup.model.uncertainty)
-      parameters.refuse("false_alarms_per_hour",
-                        "needs a model file with `uncertainty:`, which dynid identify --out writes");
     options.uncertainty = setup.model.uncertainty;
     options.test.false_alarms_per_hour = alarms;
   }
+  if (options.order == ObserverOrder::kalman && !options.uncertainty)
+    parameters.refuse("observer_order",
+                      "kalman needs ~false_alarms_per_hour and a model file with `uncertainty:`, which "
+                      "dynid identify --out writes");
   // dynamic_reconfigure would clip these without a word.
   parameters.number("gain_factor", 1.0, {0.01, 100.0});
   parameters.number("threshold_factor", 1.0, {0.01, 100.0});

@@ -150,7 +150,7 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
     result["identification"] = to_json(report);
     IdentifyJob fitted = job.identify;
     fitted.robot = job.robot, fitted.logs = {job.log};
-    learnt = uncertainty_of(fitted, report);
+    learnt = uncertainty_of(fitted, report, {nullptr, context.stop});
     write_model(path("identified.yaml"), report.model(), learnt.uncertainty);
     write_json(path("identification.json"), result["identification"]);
     if (summary == nullptr) return;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/uncertainty.hpp"
 
+#include <functional>
 #include <utility>
 #include <vector>
 
 #include "app/check.hpp"
+#include "app/job.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/identification/uncertainty.hpp"
 
@@ -17,14 +19,16 @@ void assume(const std::string& text, Robot& robot, std::vector<Log>& logs, std::
 
 }  // namespace
 
-LearntUncertainty uncertainty_of(const IdentifyJob& job, const IdentifyReport& report) {
+LearntUncertainty uncertainty_of(const IdentifyJob& job, const IdentifyReport& report,
+                                 const Context& context) {
+  detail::JobProgress progress(context);
   LearntUncertainty out;
   try {
     Robot robot = job.robot;
     std::vector<Log> logs = job.logs, validation = job.validation;
     assume(job.assume == "auto" ? report.conventions.assume : job.assume, robot, logs, validation);
     IdentifyOptions options = job.options;
-    options.progress = nullptr;
+    options.progress = std::ref(progress);
     out.uncertainty = identify_uncertainty(robot, report.identification.robot, logs, validation, options);
   } catch (const Error& error) {
     out.note = error.what();

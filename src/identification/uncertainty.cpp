@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/identification/uncertainty.hpp"
 
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -241,8 +244,7 @@ Eigen::Vector3d contact_point(const Robot& robot, std::size_t link) {
 
 /// Size of a link: from its joint to the next, or to its tip; to its centre of mass where that is further.
 double link_extent(const Robot& robot, std::size_t link, const Eigen::Vector3d& contact) {
-  const Eigen::Isometry3d& end =
-      link + 1 == robot.joints.size() ? robot.tip : robot.joints[link + 1].origin;
+  const Eigen::Isometry3d& end = link + 1 == robot.joints.size() ? robot.tip : robot.joints[link + 1].origin;
   return std::max({end.translation().norm(), contact.norm(), 1e-9});
 }
 
@@ -332,12 +334,13 @@ Uncertainty identify_uncertainty(const Robot& robot, const Robot& identified, co
                                  const std::vector<Log>& validation, const IdentifyOptions& options) {
   std::vector<HeldOutLog> parts;
   for (const Log& log : validation) parts.push_back({identified, log});
-  IdentifyOptions quiet = options;
-  quiet.validate = false;
-  quiet.progress = nullptr;
-  for (int fold = 0; validation.empty() && fold < folds; ++fold) {
+  constexpr auto stage = "learning how far the residual strays";
+  if (options.progress) options.progress(stage, 0.0);
+  std::vector<std::vector<HeldOutLog>> held(validation.empty() ? folds : 0);
+  std::atomic<int> done{0};
+  const auto learn = [&](int fold) {
     std::vector<Log> rest;
-    std::vector<HeldOutLog> out;
+    std::vector<HeldOutLog>& out = held[static_cast<std::size_t>(fold)];
     for (const Log& log : logs) {
       const Eigen::Index N = log.samples(), a = N * fold / folds, b = N * (fold + 1) / folds;
       if (a > 0) rest.push_back(rows_of_log(log, 0, a));
@@ -346,9 +349,18 @@ Uncertainty identify_uncertainty(const Robot& robot, const Robot& identified, co
       while (log.t.size() > 0 && before > 0 && log.t[a] - log.t[before] < lead) --before;
       out.push_back({robot, rows_of_log(log, before, b - before), a - before});
     }
+    IdentifyOptions quiet = options;
+    quiet.validate = false;
+    quiet.progress = [&](const std::string&, double) {  // a stop is seen here
+      if (options.progress) options.progress(stage, double(done) / folds);
+    };
     const Robot fitted = identify(robot, rest, {}, quiet).robot;
-    for (HeldOutLog& part : out) part.robot = fitted, parts.push_back(std::move(part));
-  }
+    for (HeldOutLog& part : out) part.robot = fitted;
+    ++done;
+  };
+  tbb::parallel_for(0, static_cast<int>(held.size()), learn, tbb::simple_partitioner());
+  for (std::vector<HeldOutLog>& fold : held)
+    for (HeldOutLog& part : fold) parts.push_back(std::move(part));
   Uncertainty learnt = learn_uncertainty(parts);
   for (std::size_t i = 0; i < learnt.joints.size(); ++i) {
     learnt.joints[i].contact_point = contact_point(robot, i);

@@ -114,7 +114,7 @@ TEST(EstimatorAllocation, IsCounted) {
 }
 
 TEST(EstimatorAllocation, NoneAndNoFreeInAnyCycle) {
-  for (const ObserverOrder order : {ObserverOrder::first, ObserverOrder::second}) {
+  for (const ObserverOrder order : {ObserverOrder::first, ObserverOrder::second, ObserverOrder::kalman}) {
     none_in_the_loop<7>(panda(), order);
     none_in_the_loop<6>(ur_like(), order);
     none_in_the_loop<Eigen::Dynamic>(panda(), order);

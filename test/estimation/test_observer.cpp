@@ -124,6 +124,50 @@ TEST(MomentumObserver, SecondOrderHasTheSameMeanDelay) {
   }
 }
 
+// Settled, the Kalman form is the first order with K = sqrt(drift / noise); where the noise is four times as
+// large its gain is half of that.
+TEST(MomentumObserver, KalmanGainFollowsTheNoise) {
+  using Vector1 = Eigen::Matrix<double, 1, 1>;
+  for (const double dt : {2.5e-4, 1e-3}) {
+    MomentumObserver<1> kalman(Vector1(40.0), ObserverOrder::kalman);
+    const Vector1 zero(0.0), drift(40.0 * 40.0 * 0.01), noise(0.01);
+    const auto settle = [&](const Vector1& push, const Vector1& density, double seconds) {
+      for (double t = 0.0; t < seconds; t += dt) kalman.update(dt, zero, push, drift, density);
+      return kalman.residual()[0];
+    };
+    kalman.start(zero, zero);
+    for (const double factor : {1.0, 4.0}) {
+      const double before = settle(zero, factor * noise, 2.0);
+      EXPECT_NEAR(before, 0.0, 1e-9);
+      // A step of -u = 1 is followed as by K: the mean of the two ends of u makes the first step half of one.
+      const double gain = 40.0 / std::sqrt(factor), after = settle(Vector1(-1.0), factor * noise, 1.0 / gain);
+      EXPECT_NEAR(after, 1.0 - std::exp(-1.0), 0.02) << factor << " dt " << dt;
+      // What it says of its own variance: that of a first order behind that noise, and of the drift.
+      EXPECT_NEAR(kalman.variance()[0], std::sqrt(drift[0] * factor * noise[0]), 0.03 * kalman.variance()[0]);
+    }
+  }
+}
+
+// The estimates of a random walk behind white noise stray from it by what the filter says.
+TEST(MomentumObserver, KalmanVarianceIsThatOfItsError) {
+  using Vector1 = Eigen::Matrix<double, 1, 1>;
+  Generator generator(12);
+  const double dt = 1e-3, drift = 4.0, noise = 0.02;
+  MomentumObserver<1> kalman(Vector1(1.0), ObserverOrder::kalman);
+  const Vector1 zero(0.0);
+  kalman.start(zero, zero);
+  std::normal_distribution<double> unit;
+  const auto normal = [&] { return unit(generator); };
+  double external = 0.0, momentum = 0.0, square = 0.0, said = 0.0;
+  for (int k = 0; k < 200000; ++k) {
+    external += std::sqrt(drift * dt) * normal();
+    momentum += (external + std::sqrt(noise / dt) * normal()) * dt;
+    kalman.update(dt, Vector1(momentum), zero, Vector1(drift), Vector1(noise));
+    square += std::pow(kalman.residual()[0] - external, 2), said += kalman.variance()[0];
+  }
+  EXPECT_NEAR(square / said, 1.0, 0.1);
+}
+
 TEST(MomentumObserver, StepsComposeExactly) {
   // Two steps of half the length are one step: of a free motion (u = dp/dt = 0) with r under way.
   using Vector1 = Eigen::Matrix<double, 1, 1>;

@@ -579,7 +579,7 @@ TEST_F(EstimatorNode, ParameterOutOfRange) {
   expect("contact_release: 1.5 is not in [0, 1]", model + "_contact_release:=1.5");
   expect("acceleration_cutoff: 0 is not in [0.1, 1000]", model + "_acceleration_cutoff:=0");
   expect("acceleration: 'guessed' is none of estimated, zero", model + "_acceleration:=guessed");
-  expect("observer_order: 'third' is none of first, second", model + "_observer_order:=third");
+  expect("observer_order: 'third' is none of first, second, kalman", model + "_observer_order:=third");
   expect("longest_age: a number is needed, this is a text", model + "_longest_age:=soon");
   expect("bridge: must be less than longest_gap", model + "_bridge:=0.5");
   expect("payload/mass: -2 is not in [0, 1000]", model + "_payload/mass:=-2");

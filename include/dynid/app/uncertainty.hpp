@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "dynid/app/context.hpp"
 #include "dynid/app/diagnose.hpp"
 #include "dynid/app/identify.hpp"
 #include "dynid/model/uncertainty.hpp"
@@ -18,7 +19,9 @@ struct LearntUncertainty {
 };
 
 /// Of an identified model: identify_uncertainty() on the job's logs, read as the identification read them.
-LearntUncertainty uncertainty_of(const IdentifyJob& job, const IdentifyReport& report);
+/// Throws Stopped.
+LearntUncertainty uncertainty_of(const IdentifyJob& job, const IdentifyReport& report,
+                                 const Context& context = {});
 
 /// Of a patched model: learn_uncertainty() on the last log, which only judges the patch; with one log, which
 /// the patch was fitted to, there is none and the note says so. Nothing, and no note, where there is no

@@ -86,7 +86,8 @@ class ContactTest {
     tuning.threshold = uncertainty.tail.threshold(options.false_alarms_per_hour);
     tuning.settling = 10.0 / std::min(uncertainty.window, uncertainty.motion_bandwidth);
     tuning.log_extent.resize(n);
-    for (int i = 0; i < n; ++i) tuning.log_extent[i] = std::log(uncertainty.joints[static_cast<std::size_t>(i)].extent);
+    for (int i = 0; i < n; ++i)
+      tuning.log_extent[i] = std::log(uncertainty.joints[static_cast<std::size_t>(i)].extent);
     tuning.options = options;
     return tuning;
   }
@@ -149,13 +150,13 @@ class ContactTest {
   /// present q. jacobian: 6 x n of the wrench's frame, rows 3-5 times `length` [m]; origin: of that frame, in
   /// the last link's frame [m].
   template <class Jacobian>
-  void locate(double dt, const Model<N>& model, Workspace<N>& ws, const Jacobian& jacobian,
-              double length, const Eigen::Vector3d& origin, const Tuning& tuning) noexcept {
+  void locate(double dt, const Model<N>& model, Workspace<N>& ws, const Jacobian& jacobian, double length,
+              const Eigen::Vector3d& origin, const Tuning& tuning) noexcept {
     const int n = model.size();
     const Eigen::Vector3d centre = placed_point(model, ws, n - 1, origin);
     const bool first = contact_.link < 0;
     located_ = first ? dt : std::min(located_ + dt, memory);
-    turn_ = first || turn_ + 1 == turns ? 0 : turn_ + 1;
+    turn_ = first || turn_ + 1 >= n ? 0 : turn_ + 1;
     // Residual and Jacobian whitened, so that what two joints stray by together is no push.
     for (int i = 0; i < n; ++i) {
       white_[i] = 0.0;
@@ -173,9 +174,9 @@ class ContactTest {
       Vector6 column = certainty_[k] * jacobian.col(k);
       column.template tail<3>() *= per_length;
       for (int i = k; i < n; ++i) levers_.col(i) += tuning.whitening(i, k) * column;
-      // The links take turns, but the one that is pushed and the first look at all of them.
+      // The first look is at all links; then the others take turns beside the one that is pushed.
       const bool pushed = k == contact_.link;
-      if (!(first || pushed || k % turns == turn_)) continue;
+      if (!(first || pushed || k == turn_)) continue;
       const Eigen::Vector3d point =
           placed_point(model, ws, k, tuning.joints[static_cast<std::size_t>(k)].contact_point);
       const Eigen::Vector3d arm = point - centre;
@@ -200,7 +201,7 @@ class ContactTest {
       const double evidence = 0.5 * (b.dot(force) - contact_.statistic) +
                               0.5 * std::log(std::max(prior * prior * prior / determinant, 1e-300)) +
                               tuning.log_extent[k];
-      score_[k] += std::min((pushed ? 1.0 : turns) * dt / located_, 1.0) * (evidence - score_[k]);
+      score_[k] += std::min((pushed ? 1.0 : n) * dt / located_, 1.0) * (evidence - score_[k]);
       if (!(score_[k] > largest)) continue;
       largest = score_[k];
       link = k;
@@ -229,7 +230,6 @@ class ContactTest {
   static constexpr double sticks = 0.05;  // [s] of rest, then a joint sticks
   static constexpr double rests = 0.1;    // of its stiction speed
   static constexpr double memory = 0.2;   // [s] that the links are compared over
-  static constexpr int turns = 4;         // cycles in which every link has been looked at
 
   void release() noexcept {
     contact_.detected = false;
@@ -253,7 +253,7 @@ class ContactTest {
   }
 
   Vector score_, rest_, r_, z_, white_, certainty_;  // the last: 1 / sigma
-  Eigen::Matrix<double, 6, N> levers_;  // of the joints' sums, angular rows last
+  Eigen::Matrix<double, 6, N> levers_;               // of the joints' sums, angular rows last
   Contact<N> contact_;
   double step_ = 0.0, share_ = 0.0;       // of the low-pass
   double settled_ = 0.0, located_ = 0.0;  // [s]

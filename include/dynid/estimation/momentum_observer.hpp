@@ -12,6 +12,9 @@ namespace dynid {
 enum class ObserverOrder {
   first,   ///< r' = K (tau_ext - r)
   second,  ///< r'' = w^2 (tau_ext - r) - 2 zeta w r', w = 2 zeta K: the same mean delay 1/K, steeper beyond
+  /// The first order's with a gain that follows the noise: the Kalman filter of a tau_ext that drifts and is
+  /// measured with the noise of the moment.
+  kalman,
 };
 
 /// Generalised-momentum observer (De Luca, Albu-Schaeffer, Haddadin, Hirzinger 2006):
@@ -37,6 +40,7 @@ class MomentumObserver {
         r_(gain),
         slope_(gain),
         external_(gain),
+        variance_(gain),
         order_(order),
         damping_(damping) {
     for (Eigen::Index i = 0; i < gain.size(); ++i)
@@ -44,7 +48,7 @@ class MomentumObserver {
         throw Error("observer gain of joint " + std::to_string(i + 1) + ": must be positive [1/s]");
     if (!(damping > 0.0 && damping <= 1.0)) throw Error("observer damping: must be in (0, 1]");
     p_.setZero(), u_.setZero();
-    r_.setZero(), slope_.setZero(), external_.setZero();
+    r_.setZero(), slope_.setZero(), external_.setZero(), variance_.setZero();
   }
 
   /// Another K [1/s], n, positive; r goes on from where it is.
@@ -52,16 +56,17 @@ class MomentumObserver {
 
   /// Starts at r = 0 with the momentum p and the known torque u = tau + S^T dq - g - tau_f (n each).
   void start(const Vector& p, const Vector& u) noexcept {
-    r_.setZero(), slope_.setZero();
+    r_.setZero(), slope_.setZero(), variance_.setZero();
     rebase(p, u);
   }
   /// Another model's p and u for the sample before: r goes on without a jump.
   void rebase(const Vector& p, const Vector& u) noexcept { p_ = p, u_ = u; }
 
-  /// The next sample, dt > 0 [s] later. Returns r [N m].
+  /// The next sample, dt > 0 [s] later. Returns r [N m]. Of the Kalman form without its noise: the first
+  /// order.
   const Vector& update(double dt, const Vector& p, const Vector& u) noexcept {
     const double rate = 1.0 / dt;
-    if (order_ == ObserverOrder::first) {
+    if (order_ != ObserverOrder::second) {
       for (Eigen::Index i = 0; i < gain_.size(); ++i) {
         const double external = external_[i] = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
         r_[i] += (external - r_[i]) * -std::expm1(-gain_[i] * dt);
@@ -83,13 +88,32 @@ class MomentumObserver {
     return r_;
   }
 
+  /// The step of the Kalman form. drift [(N m)^2/s]: by how much the variance of tau_ext grows; noise
+  /// [(N m)^2 s]: two-sided density of what tau_ext is measured with; n each, positive. Where both are
+  /// constant the gain becomes sqrt(drift / noise) [1/s].
+  void update(double dt, const Vector& p, const Vector& u, const Vector& drift,
+              const Vector& noise) noexcept {
+    eigen_assert(order_ == ObserverOrder::kalman);
+    const double rate = 1.0 / dt;
+    for (Eigen::Index i = 0; i < gain_.size(); ++i) {
+      const double external = external_[i] = (p[i] - p_[i]) * rate - 0.5 * (u[i] + u_[i]);
+      const double before = variance_[i] + drift[i] * dt, measured = noise[i] * rate;
+      const double share = before / (before + measured);
+      r_[i] += share * (external - r_[i]);
+      variance_[i] = share * measured;
+    }
+    p_ = p, u_ = u;
+  }
+
   const Vector& residual() const noexcept { return r_; }  ///< r [N m], n
   /// tau_ext [N m] between the last two samples, not filtered; n.
   const Vector& external() const noexcept { return external_; }
   const Vector& gain() const noexcept { return gain_; }  ///< K [1/s], n
+  /// [(N m)^2] of r by the Kalman form, n; 0 in the others.
+  const Vector& variance() const noexcept { return variance_; }
 
  private:
-  Vector gain_, p_, u_, r_, slope_, external_;
+  Vector gain_, p_, u_, r_, slope_, external_, variance_;
   ObserverOrder order_;
   double damping_;
 };

@@ -33,8 +33,9 @@ struct TorqueEstimatorOptions {
   double longest_dt = 0.1;            ///< [s] a longer step is a gap
   /// [s] for which a sample that repeats the one before (a lost packet) is waited out: its outputs are held.
   double bridge = 0.003;
-  /// Of the model: with it there is a ContactTest beside the thresholds, and velocity and acceleration are
-  /// those of a MotionFilter, whatever dq is given.
+  /// Of the model; ObserverOrder::kalman needs it, `gain` is then K where the variance is its constant: K
+  /// sigma_0 / sigma elsewhere, once settled. With it there is a ContactTest beside the thresholds, and
+  /// velocity and acceleration are those of a MotionFilter, whatever dq is given.
   std::optional<Uncertainty> uncertainty = {};
   ContactTestOptions test;
 };
@@ -91,8 +92,9 @@ class TorqueEstimator {
     positive(options.longest_dt, "longest_dt");
     if (!(options.bridge >= 0.0 && options.bridge < options.longest_dt))
       throw Error("bridge: must be in [0, longest_dt) s");
-    for (Vector* v : {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &out_.dq, &out_.ddq, &out_.tau_model,
-                      &out_.tau_friction, &out_.tau_external, &out_.residual, &out_.external})
+    for (Vector* v :
+         {&q_, &dq_, &tau_, &ddq_, &ddq_used_, &p_, &u_, &noise_, &out_.dq, &out_.ddq, &out_.tau_model,
+          &out_.tau_friction, &out_.tau_external, &out_.residual, &out_.external})
       *v = Vector::Zero(model.size());
     out_.contact = contact_.flags();
     out_.pushed = test_.contact();
@@ -125,7 +127,9 @@ class TorqueEstimator {
   /// goes on without a jump. Throws Error where the constructor does. Usual thresholds are those of the
   /// limits at the start.
   void retune(const TorqueEstimatorOptions& options) {
-    const Tuning next = tuning(limits_, options);
+    TorqueEstimatorOptions others = options;
+    others.order = options_.order;
+    const Tuning next = tuning(limits_, others);
     // Their constructors know what is wrong.
     [[maybe_unused]] const MomentumObserver<N> observer(next.gain);
     [[maybe_unused]] const ContactDetector<N> detector(next.threshold, next.release);
@@ -178,6 +182,7 @@ class TorqueEstimator {
   struct Tuning {
     Vector gain, threshold, release;
     double cutoff;
+    Vector drift;  ///< [(N m)^2/s] of ObserverOrder::kalman
     bool tests = false;
     MotionFilterOptions motion;
     typename ContactTest<N>::Tuning test;
@@ -197,6 +202,13 @@ class TorqueEstimator {
       all.motion = {options.uncertainty->motion_bandwidth, options.uncertainty->period,
                     options.uncertainty->position_noise};
       MotionFilter<N>::check(all.motion);
+    }
+    if (options.order == ObserverOrder::kalman) {
+      if (!options.uncertainty) throw Error("a Kalman observer needs the model's uncertainty");
+      all.drift.resize(all.gain.size());
+      for (Eigen::Index i = 0; i < all.gain.size(); ++i)
+        all.drift[i] = all.gain[i] * all.gain[i] * 2.0 / all.test.window *
+                       all.test.joints[static_cast<std::size_t>(i)].constant;
     }
     return all;
   }
@@ -285,7 +297,10 @@ class TorqueEstimator {
     model.torque(ws_, q_, dq_used_, ddq_used_, out_.tau_friction, out_.tau_model);
     model.momentum(ws_, q_, dq_used_, tau_, out_.tau_friction, p_, u_);
     if (started_) {
-      observer_.update(dt_used, p_, u_);
+      if (options_.order == ObserverOrder::kalman)
+        observer_.update(dt_used, p_, u_, tunings_.front().drift, noise());
+      else
+        observer_.update(dt_used, p_, u_);
     } else {
       observer_.start(p_, u_);
       status |= Status::restarted;
@@ -308,6 +323,16 @@ class TorqueEstimator {
     }
     out_.status = status;
     return out_;
+  }
+
+  // Density of the noise that tau_ext is measured with: behind the window's low-pass it has sigma^2.
+  const Vector& noise() noexcept {
+    const auto& tuning = tunings_.front().test;
+    for (Eigen::Index i = 0; i < q_.size(); ++i)
+      noise_[i] =
+          2.0 / tuning.window *
+          tuning.joints[static_cast<std::size_t>(i)].variance(dq_used_[i], out_.tau_model[i], ddq_used_[i]);
+    return noise_;
   }
 
   void test(double dt, const TorqueModel<N>& model) noexcept {
@@ -359,7 +384,7 @@ class TorqueEstimator {
   Vector next_q_ = Vector::Zero(n_), next_dq_ = next_q_, next_tau_ = next_q_;
   Vector dq_used_ = next_q_;  // as measured, or of the MotionFilter
   Vector ddq_;                // estimated acceleration
-  Vector ddq_used_, p_, u_;
+  Vector ddq_used_, p_, u_, noise_;
   Estimate<N> out_;
 };
 
