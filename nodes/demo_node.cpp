@@ -99,7 +99,7 @@ class Demo {
   VectorXd sum_;
   Eigen::Vector3d force_sum_ = Eigen::Vector3d::Zero();
   ros::WallTime touched_;
-  std::string progress_;
+  std::string progress_, pushed_link_;
   nlohmann::json result_;
 };
 
@@ -135,6 +135,10 @@ Demo::Demo()
                                         if (m->data && touched_.isZero()) touched_ = ros::WallTime::now();
                                         contact_ = m->data;
                                       }),
+      node_.subscribe<std_msgs::String>("torque_estimator/contact_link", 0,
+                                        [this](const std_msgs::String::ConstPtr& m) {
+                                          if (!m->data.empty()) pushed_link_ = m->data;
+                                        }),
       node_.subscribe<std_msgs::Bool>("plant/executing", 10,
                                       [this](const std_msgs::Bool::ConstPtr& m) { executing_ = m->data; }),
       node_.subscribe<std_msgs::String>("identification/progress", 10,
@@ -280,6 +284,7 @@ void Demo::push() {
     message.wrench.force.z = force.z();
     push_.publish(message);
   };
+  pushed_link_.clear();
   const Felt onset = listen(0.5 * push_duration_, [&] { send(force_); });
   const Felt felt = listen(0.5 * push_duration_, [&] { send(force_); });
   send(Eigen::Vector3d::Zero());
@@ -302,7 +307,8 @@ void Demo::push() {
   } else {
     say("   the force at the tip is not told: the arm is near a singularity");
   }
-  say(onset.contact ? "   contact flagged after " + number(1e3 * onset.after) + " ms"
+  say(onset.contact ? "   contact flagged after " + number(1e3 * onset.after) + " ms" +
+                          (pushed_link_.empty() ? "" : ", on " + pushed_link_)
                     : "   no contact flagged");
   summary["push"] = {{"force", to_json(force_)},
                      {"torque", to_json(torque)},
@@ -310,6 +316,7 @@ void Demo::push() {
                      {"force_felt", force},
                      {"relative_error", error},
                      {"contact", onset.contact && felt.contact},
+                     {"link", pushed_link_},
                      {"detected_after_s", onset.after}};
   wait_for("the end of the contact", 5.0, [this] { return !contact_; });
 }

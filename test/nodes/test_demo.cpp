@@ -60,6 +60,7 @@ TEST(Demo, FindsTheHiddenPayloadAllByItself) {
   EXPECT_NEAR(effect.at("parameters").at("mass").at("value"), 1.8, 0.05 * 1.8);
 
   EXPECT_EQ(s.at("push").at("contact"), true);
+  EXPECT_EQ(s.at("push").at("link"), "panda_link7") << "the contact test of the adopted model";
   EXPECT_LT(s.at("push").at("relative_error"), 0.1);  // of the vector: sign, joint and size
   if (!HasFailure()) std::filesystem::remove_all(folder);
 }
