@@ -16,9 +16,13 @@
 #include <pinocchio/algorithm/regressor.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 #include <pinocchio/config.hpp>
+#if PINOCCHIO_VERSION_AT_LEAST(4, 0, 0)
+#include <pinocchio/multibody.hpp>
+#else
 #include <pinocchio/multibody/data.hpp>
 #include <pinocchio/multibody/joint/joint-mimic.hpp>
 #include <pinocchio/multibody/model.hpp>
+#endif
 #endif
 
 #include "dynid/dynamics/dynamics.hpp"
