@@ -16,7 +16,7 @@ template <bool prismatic, class V, int N, class S, class Q, class Out>
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
   const int n = model.size();
-  place<S>(model, ws, q, pass);
+  place<S, true>(model, ws, q, pass);
   place_twists<V>(model, ws);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);

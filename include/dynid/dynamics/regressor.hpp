@@ -34,8 +34,9 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class A, cl
   for (int i = 0; i < n; ++i) {
     const JointFrame& frame = model.frame(i);
     const E qi = prismatic ? coefficient<S>(q, i, pass) : E(0.0);
-    motion = step<prismatic>(frame, motion, c[i], s[i], qi, coefficient<S>(dq, i, pass),
-                             coefficient<S>(ddq, i, pass));
+    const E dqi = coefficient<S>(dq, i, pass), ddqi = coefficient<S>(ddq, i, pass);
+    motion = prismatic || i > 0 ? step<prismatic>(frame, motion, c[i], s[i], qi, dqi, ddqi)
+                                : first_step(motion, c[i], s[i], dqi, ddqi);
     Vector3<E> omega = motion.omega, alpha = motion.alpha, a = motion.a;
     Spin<E> L = motion.spin;
     if (turn) {
@@ -58,8 +59,10 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class A, cl
     for (int i = first; i < n; ++i) {
       const JointFrame& frame = model.frame(i);
       const V cv(c[i]), sv(s[i]), ca(frame.ca), sa(frame.sa);
-      v = to_link(sum(v, cross(w, rp.template all<V>(i))), ca, sa, cv, sv);
-      w = to_link(w, ca, sa, cv, sv);
+      if (i > first) {  // nothing moves before
+        v = to_link(sum(v, cross(w, rp.template all<V>(i))), ca, sa, cv, sv);
+        w = to_link(w, ca, sa, cv, sv);
+      }
       if (i < first + lanes) {
         const V unit = unit_lane<V, E>(first, i);
         if constexpr (prismatic) {

@@ -48,8 +48,9 @@ struct Rows3 {
   }
 };
 
-/// Axes and origins of the internal frames in internal frame 0, base to tip: rows row_x to row_p + 2.
-template <class S, int N, class Q>
+/// Axes and origins of the internal frames in internal frame 0, base to tip: rows row_x to row_p + 2. With
+/// `from_first` in that of the first joint.
+template <class S, bool from_first = false, int N, class Q>
 [[gnu::always_inline]] inline void place(const Model<N>& model, Workspace<N, S>& ws, const Q& q, int pass) {
   using E = ElementOf<S>;
   const int n = model.size();
@@ -58,7 +59,8 @@ template <class S, int N, class Q>
   joint_rotations<S>(model, q, pass, c, s);
   const E zero(0.0), one(1.0);
   Vector3<E> x = {one, zero, zero}, y = {zero, one, zero}, z = {zero, zero, one}, p = {zero, zero, zero};
-  for (int i = 0; i < n; ++i) {
+  if (from_first) rx.set(0, x), ry.set(0, y), rz.set(0, z), rp.set(0, p);
+  for (int i = from_first ? 1 : 0; i < n; ++i) {
     const JointFrame& f = model.frame(i);
     p = sum(sum(sum(p, f.px, x), f.py, y), f.pz, z);
     const Vector3<E> turned = {E(y.x * f.ca + z.x * f.sa), E(y.y * f.ca + z.y * f.sa),
