@@ -242,10 +242,18 @@ Eigen::Vector3d contact_point(const Robot& robot, std::size_t link) {
   return 0.5 * robot.joints[link + 1].origin.translation();
 }
 
-/// Size of a link: from its joint to the next, or to its tip; to its centre of mass where that is further.
-double link_extent(const Robot& robot, std::size_t link, const Eigen::Vector3d& contact) {
-  const Eigen::Isometry3d& end = link + 1 == robot.joints.size() ? robot.tip : robot.joints[link + 1].origin;
-  return std::max({end.translation().norm(), contact.norm(), 1e-9});
+/// Where pushes are looked for and how likely on each link: its size, from its joint to the next, or to its
+/// centre of mass where that is further; the last one meets the world with its tip, as often as the largest.
+void set_contacts(const Robot& robot, std::vector<JointUncertainty>& joints) {
+  double largest = 1e-9;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    joints[i].contact_point = contact_point(robot, i);
+    const bool last = i + 1 == joints.size();
+    const double length = (last ? robot.tip : robot.joints[i + 1].origin).translation().norm();
+    joints[i].extent = std::max({length, joints[i].contact_point.norm(), 1e-9});
+    largest = std::max(largest, joints[i].extent);
+  }
+  joints.back().extent = largest;
 }
 
 Log rows_of_log(const Log& log, Eigen::Index first, Eigen::Index count) {
@@ -319,10 +327,9 @@ Uncertainty learn_uncertainty(const std::vector<HeldOutLog>& parts) {
     u.stiction_speed = v;
     const double step = friction_torque(joint.friction, v) - friction_torque(joint.friction, -v);
     u.sticking = std::max(0.0, 0.5 * step - joint.friction.linear.viscous * v);
-    u.contact_point = contact_point(robot, static_cast<std::size_t>(j));
-    u.extent = link_extent(robot, static_cast<std::size_t>(j), u.contact_point);
     fit_variance(residuals, j, u);
   }
+  set_contacts(robot, out.joints);
   out.correlation = correlation(moments(residuals, &out.joints));
   out.tail = {out_of_reach, 1.0, 1.0};
   out.tail = learn_tail(residuals_of(parts, out), block / out.window);
@@ -362,10 +369,7 @@ Uncertainty identify_uncertainty(const Robot& robot, const Robot& identified, co
   for (std::vector<HeldOutLog>& fold : held)
     for (HeldOutLog& part : fold) parts.push_back(std::move(part));
   Uncertainty learnt = learn_uncertainty(parts);
-  for (std::size_t i = 0; i < learnt.joints.size(); ++i) {
-    learnt.joints[i].contact_point = contact_point(robot, i);
-    learnt.joints[i].extent = link_extent(robot, i, learnt.joints[i].contact_point);
-  }
+  set_contacts(robot, learnt.joints);
   return learnt;
 }
 

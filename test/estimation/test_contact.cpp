@@ -351,6 +351,7 @@ Log simulated_log(const Robot& robot, double duration, unsigned long seed) {
 
 TEST(Contact, PushesOnSimulatedArms) {
   const std::vector<std::pair<double, double>> sizes = {{1.0, 1.0}, {2.0, 20.0}};
+  int weak_seen = 0, weak_fixed = 0;
   for (const auto& [size, weight] : sizes) {
     const Robot robot = six_joint_arm(weight > 1.0 ? "heavy arm" : "cobot", size, weight);
     const Judged judged =
@@ -361,10 +362,11 @@ TEST(Contact, PushesOnSimulatedArms) {
     const Score s = score(judged, {5, 2, 1}, 100, force, torque, seconds_asked(), 11);
     expect_as_promised(s, judged.name);
     const Score weak = score(judged, {5, 2, 1}, 100, 0.2 * force, torque, 100.0, 12);
-    EXPECT_GE(weak.weak_seen, 2 * weak.weak_fixed) << judged.name;
-    EXPECT_GE(s.located, 0.85 * s.seen) << judged.name;  // 0.87: below the 0.9 that is aimed at
+    weak_seen += weak.weak_seen, weak_fixed += weak.weak_fixed;
+    EXPECT_GE(s.located, 0.9 * s.seen) << judged.name;
     EXPECT_LE(s.wrench, 0.7) << judged.name;
   }
+  EXPECT_GE(weak_seen, 2 * weak_fixed);
 }
 
 // An arm whose bodies, friction and torques are eight times as large strays eight times as far, and its
