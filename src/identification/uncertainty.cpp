@@ -28,7 +28,7 @@ constexpr double part_constant = 0.25;  // of the mean variance
 constexpr double slow = 0.1;            // of a joint's rms speed: its stiction zone
 constexpr double block = 8.0;           // windows that a maximum of the statistic is taken over
 constexpr double tail_from = 0.6;       // quantile of the maxima above which they are the tail
-constexpr double caution = 2.0;         // standard deviations that the tail's scale is taken up
+constexpr double caution = 1.0;         // standard deviation that the tail's scale is taken up
 constexpr double out_of_reach = 1e300;
 
 /// What the loop sees, one row a sample in use; matrices N x n. Only rows beyond lead and settling.

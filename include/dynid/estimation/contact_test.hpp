@@ -4,9 +4,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "dynid/base/error.hpp"
@@ -101,6 +103,7 @@ class ContactTest {
         certainty_(score_),
         levers_(6, n) {
     contact_.residual = contact_.variance = score_;
+    if constexpr (N == Eigen::Dynamic) pushes_.resize(static_cast<std::size_t>(n));
   }
 
   /// Forgets the past.
@@ -164,8 +167,6 @@ class ContactTest {
     }
     levers_.setZero();
     const double observed = std::max(contact_.statistic, tuning.threshold);
-    Eigen::Matrix3d best_covariance = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d best_force = Eigen::Vector3d::Zero(), best_arm = best_force;
     double largest = -std::numeric_limits<double>::infinity();
     int link = 0;
     const double per_length = 1.0 / length;
@@ -177,13 +178,14 @@ class ContactTest {
       // The first look is at all links; then the others take turns beside the one that is pushed.
       const bool pushed = k == contact_.link;
       if (!(first || pushed || k == turn_)) continue;
-      const Eigen::Vector3d point =
-          placed_point(model, ws, k, tuning.joints[static_cast<std::size_t>(k)].contact_point);
-      const Eigen::Vector3d arm = point - centre;
+      Push& push = pushes_[static_cast<std::size_t>(k)];
+      push.point = placed_point(model, ws, k, tuning.joints[static_cast<std::size_t>(k)].contact_point);
+      push.arm = push.point - centre;
       Eigen::Matrix3d A = Eigen::Matrix3d::Zero();  // its lower triangle
       Eigen::Vector3d b = Eigen::Vector3d::Zero();
       for (int i = 0; i < n; ++i) {
         const double* const l = levers_.data() + 6 * i;
+        const Eigen::Vector3d& arm = push.arm;
         const double j[3] = {l[0] + l[4] * arm.z() - l[5] * arm.y(), l[1] + l[5] * arm.x() - l[3] * arm.z(),
                              l[2] + l[3] * arm.y() - l[4] * arm.x()};
         for (int c = 0; c < 3; ++c) {
@@ -194,34 +196,20 @@ class ContactTest {
       // Forces of this size make a statistic as observed, whatever their direction.
       const double prior = A.trace() > 0.0 ? A.trace() / observed : 1.0;
       A.diagonal().array() += prior;
-      Eigen::Matrix3d C;
-      const double determinant = inverse(A, C);
-      const Eigen::Vector3d force = C * b;
-      // Less what the pushed joints' residual has of it: links are compared over different cycles.
-      const double evidence = 0.5 * (b.dot(force) - contact_.statistic) +
+      const double determinant = inverse(A, push.covariance);
+      push.force = push.covariance * b;
+      // Less what the joints' residual has of it: links are compared over different cycles.
+      const double evidence = 0.5 * (b.dot(push.force) - contact_.statistic) +
                               0.5 * std::log(std::max(prior * prior * prior / determinant, 1e-300)) +
                               tuning.log_extent[k];
       score_[k] += std::min((pushed ? 1.0 : n) * dt / located_, 1.0) * (evidence - score_[k]);
       if (!(score_[k] > largest)) continue;
       largest = score_[k];
       link = k;
-      contact_.point = point;
-      best_force = force, best_covariance = C, best_arm = arm;
     }
     contact_.link = link;
-    // The moment is that of the force at the point, which may be a little off.
-    Eigen::Matrix3d cross, force_cross;
-    cross << 0, -best_arm.z(), best_arm.y(), best_arm.z(), 0, -best_arm.x(), -best_arm.y(), best_arm.x(), 0;
-    force_cross << 0, -best_force.z(), best_force.y(), best_force.z(), 0, -best_force.x(), -best_force.y(),
-        best_force.x(), 0;
-    const double size = tuning.options.contact_size;
-    contact_.wrench << best_force, best_arm.cross(best_force);
-    contact_.covariance.template topLeftCorner<3, 3>() = best_covariance;
-    contact_.covariance.template bottomLeftCorner<3, 3>().noalias() = cross * best_covariance;
-    contact_.covariance.template topRightCorner<3, 3>() =
-        contact_.covariance.template bottomLeftCorner<3, 3>().transpose();
-    contact_.covariance.template bottomRightCorner<3, 3>().noalias() =
-        cross * best_covariance * cross.transpose() + size * size * force_cross * force_cross.transpose();
+    contact_.point = pushes_[static_cast<std::size_t>(link)].point;
+    mean_push(tuning.options.contact_size);
   }
 
   const Contact<N>& contact() const noexcept { return contact_; }
@@ -229,7 +217,7 @@ class ContactTest {
  private:
   static constexpr double sticks = 0.05;  // [s] of rest, then a joint sticks
   static constexpr double rests = 0.1;    // of its stiction speed
-  static constexpr double memory = 0.2;   // [s] that the links are compared over
+  static constexpr double memory = 0.5;   // [s] that the links are compared over
 
   void release() noexcept {
     contact_.detected = false;
@@ -240,6 +228,47 @@ class ContactTest {
   }
 
   using Vector6 = Eigen::Matrix<double, 6, 1>;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+  /// The push that explains the residual, if the link is pushed.
+  struct Push {
+    Eigen::Vector3d force, arm, point;  ///< [N]; [m] from the wrench's origin, in the base frame
+    Eigen::Matrix3d covariance;         ///< [N^2]
+  };
+
+  // The wrench: mean and covariance over the links that may be pushed.
+  void mean_push(double size) noexcept {
+    constexpr double possible = 5.0;  // log probabilities below the best's that are looked at
+    const int n = static_cast<int>(score_.size());
+    double weights = 0.0;
+    contact_.wrench.setZero(), contact_.covariance.setZero();
+    for (int k = 0; k < n; ++k) {
+      const double below = score_[contact_.link] - score_[k];
+      if (!(below < possible)) continue;
+      const Push& push = pushes_[static_cast<std::size_t>(k)];
+      const double weight = k == contact_.link ? 1.0 : std::exp(-below);
+      // The moment is that of the force at the point, which may be a little off.
+      Eigen::Matrix3d cross, force_cross;
+      cross << 0, -push.arm.z(), push.arm.y(), push.arm.z(), 0, -push.arm.x(), -push.arm.y(), push.arm.x(), 0;
+      force_cross << 0, -push.force.z(), push.force.y(), push.force.z(), 0, -push.force.x(), -push.force.y(),
+          push.force.x(), 0;
+      const Eigen::Matrix3d moved = cross * push.covariance;
+      Vector6 wrench;
+      wrench << push.force, push.arm.cross(push.force);
+      // Mean and second moment so far, by weight.
+      weights += weight;
+      const double share = weight / weights;
+      const Vector6 off = wrench - contact_.wrench;
+      contact_.wrench += share * off;
+      Matrix6 C = (1.0 - share) * off * off.transpose();
+      C.template topLeftCorner<3, 3>() += push.covariance;
+      C.template bottomLeftCorner<3, 3>() += moved;
+      C.template topRightCorner<3, 3>() += moved.transpose();
+      C.template bottomRightCorner<3, 3>() +=
+          moved * cross.transpose() + size * size * force_cross * force_cross.transpose();
+      contact_.covariance += share * (C - contact_.covariance);
+    }
+  }
 
   // Of a symmetric matrix given by its lower triangle; returns its determinant.
   static double inverse(const Eigen::Matrix3d& A, Eigen::Matrix3d& C) noexcept {
@@ -254,6 +283,9 @@ class ContactTest {
 
   Vector score_, rest_, r_, z_, white_, certainty_;  // the last: 1 / sigma
   Eigen::Matrix<double, 6, N> levers_;               // of the joints' sums, angular rows last
+  std::conditional_t<N == Eigen::Dynamic, std::vector<Push>,
+                     std::array<Push, N == Eigen::Dynamic ? 1 : static_cast<std::size_t>(N)>>
+      pushes_;
   Contact<N> contact_;
   double step_ = 0.0, share_ = 0.0;       // of the low-pass
   double settled_ = 0.0, located_ = 0.0;  // [s]

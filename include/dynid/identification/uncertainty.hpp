@@ -27,8 +27,8 @@ struct HeldOutLog {
 /// least squares, weights iterated; a quarter of the mean stays constant, for states that the logs did not
 /// visit); stiction_speed is a tenth of the joint's rms speed, sticking half the friction model's step
 /// through it. The tail of the statistic: exponential above the 60 % quantile of its maxima over blocks of 8
-/// / window seconds, its scale two standard deviations up, so that the alarms promised are an upper bound in
-/// 39 of 40 cases.
+/// / window seconds, its scale one standard deviation up, so that the alarms promised are an upper bound in
+/// five of six cases.
 ///
 /// Effects that the loop cannot compute are left out. Throws Error: no parts, robots of different sizes, a
 /// log without t, dq or tau, less than 5 s of data, rows further apart than 10 ms.
