@@ -11,7 +11,7 @@ namespace dynid::detail {
 
 /// The effects, their parameters and aliases: `effects`, `alias_note`, `nominal_error`.
 void add_effects_view(const nlohmann::json& json, nlohmann::json& view);
-/// The table of joints and regimes, and the windows: `joints`, `columns`, `regimes`, `windows`, `any_window`.
+/// The table of joints and regimes, and the windows: `joints`, `columns`, `groups`, `windows`, `any_window`.
 void add_where_view(const nlohmann::json& json, nlohmann::json& view);
 
 /// The first panel, whether the log can answer: what was recorded, how the joints move, how the logs are
