@@ -21,7 +21,7 @@ using nlohmann::json;
 
 constexpr Eigen::Index drawn_width = 240;  // [px]: half of the drawing's, and its lines are wider than one
 constexpr int resolution = 4;              // digits of the largest value of a column
-constexpr double least_error = 0.01;  // of what is drawn on a logarithmic scale: its lower end
+constexpr double least_error = 0.01;       // of what is drawn on a logarithmic scale: its lower end
 
 // Colours as gnuplot is told them, and the custom property of the page that each becomes.
 struct Role {

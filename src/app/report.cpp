@@ -262,7 +262,8 @@ json head_view(const Diagnosis& d, const ReportContext& context, const std::vect
 
 std::string detail::file_name(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
 
-std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
+json detail::report_view(const Diagnosis& diagnosis, const ReportContext& context,
+                         std::vector<PlotGroup>& plots) {
   DiagnoseReport report;
   report.diagnosis = diagnosis;
   report.referenced = context.referenced;
@@ -284,15 +285,20 @@ std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
   view["answerable"]["runner_up_explained"] = page_percent(diagnosis.conventions.runner_up_explained);
   add_effects_view(json_of, view);
   add_where_view(json_of, view);
-  const std::vector<PlotGroup> plots = {gap_plots(diagnosis, worst, held.log),
-                                        replay_group(diagnosis.rollout)};
+  plots = {gap_plots(diagnosis, worst, held.log), replay_group(diagnosis.rollout)};
   view["residual"] = residual_view(diagnosis, json_of, held, plots[0], files);
   view["shrink"] = shrink_view(json_of);
   view["replay"] = replay_view(diagnosis, json_of, plots[1]);
-  add_plot_data(plots, view);
   add_ranking_view(json_of, view);
   view["logs"] = logs_view(json_of, held, files);
   view["next"] = next_view(json_of.at("next_experiment"));
+  return view;
+}
+
+std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
+  std::vector<PlotGroup> plots;
+  json view = report_view(diagnosis, context, plots);
+  add_plot_data(plots, view);
   return rendered_page("report", view);
 }
 

@@ -4,10 +4,15 @@
 #include <nlohmann/json.hpp>
 
 #include "dynid/app/report.hpp"
+#include "page_plots.hpp"
 
 namespace dynid::detail {
 
 // What the sections of the page show (src/app/page/), of `json`, a diagnosis as to_json() has it.
+
+/// All of them, and the plots of the page, whose data are not in it yet: see add_plot_data().
+nlohmann::json report_view(const Diagnosis& diagnosis, const ReportContext& context,
+                           std::vector<PlotGroup>& plots);
 
 /// The effects, their parameters and aliases: `effects`, `alias_note`, `nominal_error`.
 void add_effects_view(const nlohmann::json& json, nlohmann::json& view);

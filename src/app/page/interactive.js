@@ -71,11 +71,11 @@
       figure.appendChild(readout);
       figure.classList.add("live");
       function axis(label, size) {
-        return { label: label, labelSize: 20, labelFont: "13px system-ui, sans-serif", font: "12px system-ui, sans-serif", size: size,
+        return { label: label, labelSize: 18, labelGap: 0, gap: 3, labelFont: "13px system-ui, sans-serif", font: "12px system-ui, sans-serif", size: size,
           stroke: function () { return style("--soft"); }, grid: { stroke: function () { return style("--grid"); }, width: 1 },
           ticks: { stroke: function () { return style("--rule"); }, width: 1, size: 5 } };
       }
-      var y = axis(plot.axis, 52);
+      var y = axis(plot.axis, 46);
       if (plot.log)
         y.values = function (u, splits) {
           return splits.map(function (x) { return Math.abs(Math.log10(x) % 1) < 1e-9 ? String(Number(x.toPrecision(1))) : ""; });
@@ -88,7 +88,7 @@
           x: { time: false, range: function (u, min, max) { return min === null ? [whole.min, whole.max] : [min, max]; } },
           y: { distr: plot.log ? 3 : 1, range: function () { return plot.range; } }
         },
-        axes: [axis("t [s]", 36), y],
+        axes: [axis("t [s]", 28), y],
         series: [{}].concat(plot.lines.map(function (line) {
           return { label: line.name, width: line.width, stroke: function () { return style(line.colour); },
             points: { show: false } };
