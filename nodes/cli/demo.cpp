@@ -19,7 +19,7 @@ namespace {
 struct Arguments {
   Output output;
   std::string robot = "config/panda.yaml", bounds = "config/panda_bounds.yaml", out = "demo";
-  std::vector<std::string> effects = {"payload:mass=1.5"};
+  std::vector<std::string> effects = {"joint_spring:joints=2,stiffness=20"};
   unsigned long seed = 1;
 };
 
@@ -85,7 +85,7 @@ void add_demo(CLI::App& app, int& status) {
       ->capture_default_str();
   command->add_option("--seed", a->seed, "Seed of noise and motions")->capture_default_str();
   a->output.add_to(*command);
-  command->footer("Example: dynid demo --effect joint_spring:joints=2,stiffness=20 --out demo");
+  command->footer("Example: dynid demo --effect payload:mass=1.5 --out demo");
   command->callback([a, &status] { status = run(*a) ? 0 : 1; });
 }
 

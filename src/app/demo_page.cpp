@@ -52,38 +52,53 @@ PlotGroup torque_plots(const DemoReport& report) {
   return group;
 }
 
+/// ` x` of a vector, ` 2` of anything longer, `, joint 2` of what every joint has of its own.
+std::string component(std::size_t size, std::size_t k, bool own) {
+  static const char* const axes[] = {" x", " y", " z"};
+  if (own) return ", joint " + std::to_string(k + 1);
+  return size == 1 ? "" : size == 3 ? axes[k] : " " + std::to_string(k + 1);
+}
+
 /// One row for each number that was hidden: what was found of it.
+json rows_of(const Effect& effect, const FoundEffect* found, Eigen::Index n) {
+  json rows = json::array();
+  for (const auto& [key, values] : effect.parameters)
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k), size = static_cast<Eigen::Index>(values.size());
+      const bool own = size == n && !effect.joints.empty();
+      if (own && std::find(effect.joints.begin(), effect.joints.end(), k + 1) == effect.joints.end())
+        continue;
+      json row = {{"key", with_spaces(key) + component(values.size(), k, own)},
+                  {"hidden", page_number(values[k])},
+                  {"found", "\u2013"}};
+      // A payload is hidden with its centre of mass from the flange, and found with it in the last link's
+      // frame.
+      if (found != nullptr && !(effect.name == "payload" && key == "com"))
+        for (const ParameterEstimate& p : found->parameters)
+          if (p.key == key && p.value.size() == size) {
+            row["key"] = row["key"].get<std::string>() + (p.unit == "1" ? "" : " [" + p.unit + "]");
+            row["found"] = page_number(p.value[i]);
+            row["interval"] = page_number(p.low[i]) + " \u2026 " + page_number(p.high[i]);
+          }
+      rows.push_back(std::move(row));
+    }
+  return rows;
+}
+
 json hidden_view(const DemoReport& report) {
   json effects = json::array();
-  const Eigen::Index n = report.truth.size();
   for (const Effect& effect : report.hidden) {
     const FoundEffect* found = nullptr;
-    for (const FoundEffect& f : report.diagnosis.diagnosis.effects)
+    bool alias = false;
+    for (const FoundEffect& f : report.diagnosis.diagnosis.effects) {
       if (f.effect.name == effect.name) found = &f;
-    json rows = json::array();
-    for (const auto& [key, values] : effect.parameters)
-      for (std::size_t k = 0; k < values.size(); ++k) {
-        const bool own = static_cast<Eigen::Index>(values.size()) == n && !effect.joints.empty();
-        const int joint = static_cast<int>(k) + 1;
-        if (own && std::find(effect.joints.begin(), effect.joints.end(), joint) == effect.joints.end())
-          continue;
-        json row = {{"key", with_spaces(key) + (own                 ? ", joint " + std::to_string(joint)
-                                                : values.size() > 1 ? " " + std::to_string(joint)
-                                                                    : "")},
-                    {"hidden", page_number(values[k])},
-                    {"found", "\u2013"}};
-        if (found != nullptr)
-          for (const ParameterEstimate& p : found->parameters)
-            if (p.key == key && p.value.size() == static_cast<Eigen::Index>(values.size())) {
-              const auto i = static_cast<Eigen::Index>(k);
-              row["key"] = row["key"].get<std::string>() + (p.unit == "1" ? "" : " [" + p.unit + "]");
-              row["found"] = page_number(p.value[i]);
-              row["interval"] = page_number(p.low[i]) + " \u2026 " + page_number(p.high[i]);
-            }
-        rows.push_back(std::move(row));
-      }
+      alias = alias || std::find(f.aliases.begin(), f.aliases.end(), effect.name) != f.aliases.end();
+    }
+    json rows = rows_of(effect, found, report.truth.size());
     effects.push_back({{"name", capitalised(with_spaces(effect.name))},
-                       {"named", found != nullptr},
+                       {"how", found != nullptr ? "named"
+                               : alias          ? "one of those that these logs cannot tell apart"
+                                                : "not named"},
                        {"any_row", !rows.empty()},
                        {"rows", std::move(rows)}});
   }

@@ -424,12 +424,13 @@ TEST_F(CommandLine, DemoTellsTheWholeStory) {
   EXPECT_LT(json["relative_error_percent"], 1.0);
   EXPECT_EQ(json["feasible"], true);
   ASSERT_EQ(json["hidden"].size(), 1u);
-  EXPECT_EQ(json["hidden"][0]["name"], "payload");
+  EXPECT_EQ(json["hidden"][0]["name"], "joint_spring");
   const auto& diagnosis = json["diagnosis"];
   EXPECT_EQ(diagnosis["verdict"], "explained");
   ASSERT_GE(diagnosis["effects"].size(), 1u);
-  EXPECT_EQ(diagnosis["effects"][0]["name"], "payload");
-  EXPECT_NEAR(diagnosis["effects"][0]["parameters"]["mass"]["value"].get<double>(), 1.5, 0.05);
+  EXPECT_EQ(diagnosis["effects"][0]["name"], "joint_spring");
+  EXPECT_EQ(diagnosis["effects"][0]["joints"], nlohmann::json::array({2}));
+  EXPECT_NEAR(diagnosis["effects"][0]["parameters"]["stiffness"]["value"][1].get<double>(), 20.0, 0.5);
   // One screen.
   EXPECT_LT(std::count(out_.begin(), out_.end(), '\n'), 24) << out_;
   for (const char* part :
@@ -447,17 +448,15 @@ TEST_F(CommandLine, DemoTellsTheWholeStory) {
   }
   EXPECT_EQ(report.find(" src="), std::string::npos) << "the report needs no network";
   EXPECT_EQ(read_model(path("demo/identified.yaml")).coefficients.size(), 64u);
-  EXPECT_TRUE(read_model(path("demo/feasible.yaml")).robot.physically_consistent());
+  EXPECT_TRUE(inconsistencies(read_model(path("demo/feasible.yaml")).robot).empty());
   // The patch takes the gap away.
   ASSERT_EQ(run("diagnose --model " + path("demo/patched.yaml") + " --log " + path("demo/run1.csv") + " " +
                 path("demo/run2.csv") + " --json " + path("after.json")),
             0)
       << error_;
   const auto after = nlohmann::json::parse(read_file(path("after.json")));
-  for (std::size_t j = 0; j < 7; ++j)
-    EXPECT_LT(after["gap"]["rms"][j].get<double>(),
-              std::max(0.15, 0.1 * diagnosis["gap"]["rms"][j].get<double>()))
-        << j;
+  EXPECT_GT(diagnosis["gap"]["rms"][1], 10.0);
+  for (std::size_t j = 0; j < 7; ++j) EXPECT_LT(after["gap"]["rms"][j], 0.25) << j;
 
   EXPECT_EQ(run("demo --robot " + panda() + " --bounds " + bounds + " --effect no_such --out " + path("x")),
             2);
