@@ -143,12 +143,14 @@ json coefficients_view(const Identification& id, const Eigen::VectorXd& exact) {
 
 std::string DemoReport::html(const std::string& command, const std::string& version) const {
   const Identification& id = identification;
+  const std::optional<ModelFile> patch = diagnosis.patch();
   std::vector<PlotGroup> plots;
   json view = report_view(diagnosis.diagnosis, {truth.name, diagnosis.logs, command, version, false}, plots);
   plots.push_back(torque_plots(*this));
   view.update({{"any_hidden", !hidden.empty()},
                {"hidden", hidden_view(*this)},
-               {"patched", diagnosis.patch().has_value()},
+               {"patched", patch.has_value()},
+               {"entered", patch && patch->robot.effects.empty()},
                {"rank", id.rank},
                {"relative_error", figure(id.fit.relative_error_percent)},
                {"condition_number", figure(id.condition_number)},
