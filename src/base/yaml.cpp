@@ -56,7 +56,7 @@ YamlItem YamlItem::document(const std::string& text, const std::string& file, co
     throw Error(one_line(file + line + ": " + error.msg));
   }
   if (documents.empty() || documents[0].IsNull()) throw Error(file + ": is empty, " + expected);
-  const YamlItem root(documents[0], "", std::make_shared<const std::string>(file));
+  YamlItem root(documents[0], "", std::make_shared<const std::string>(file));
   if (documents.size() > 1) root.fail("holds more than one document");
   if (!root.node_.IsMap()) root.fail(expected);
   const YamlItem found = root.at("format");
