@@ -5,6 +5,7 @@
 
 #include "app/job.hpp"
 #include "app/torque_table.hpp"
+#include "dynid/app/simulate.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/simulation/simulate.hpp"
 
@@ -69,13 +70,38 @@ DemoReport run(const DemoJob& job, const Context& context) {
   // From here on nothing is known but the log and the kinematics.
   Robot blind = job.robot;
   blind.set_parameters(Eigen::VectorXd::Zero(10 * joints));
-  const Context search = context.part(0.5, 0.9);
+  const Context search = context.part(0.05, 0.1);
   detail::JobProgress progress(search, 0.6);
   IdentifyOptions options;
   options.progress = std::ref(progress);
   report.identification = identify(blind, {report.log}, {}, options);
-  context.report("predicting", 0.9);
+  context.report("predicting", 0.1);
   report.predicted = predict_torque(report.identification.robot, report.log, report.identification.cutoff);
+
+  RetrieveJob feasible;
+  feasible.model = report.model();
+  feasible.source = job.log;
+  feasible.bounds = job.bounds;
+  feasible.options.runs = 1;  // the letter makes ten; one is enough to see what it is
+  feasible.options.seed = job.seed;
+  report.retrieval = run(feasible, context.part(0.12, 0.25));
+  if (!report.retrieval.succeeded()) throw Error(job.log + ": no feasible parameters were found");
+
+  // The arm as it is from now on; again nothing is known but the logs, and the model made above.
+  for (std::size_t k = 0; k < job.runs.size(); ++k) {
+    SimulateJob hidden;
+    hidden.robot = job.robot;
+    hidden.effects = job.effects;
+    hidden.seed = job.seed + 1 + k;
+    SimulateReport simulated = run(hidden, context.part(0.25, 0.3));
+    report.hidden = simulated.run.truth.effects;
+    report.runs.push_back(std::move(simulated.run.log));
+    report.runs.back().source = job.runs[k];
+  }
+  DiagnoseJob diagnose;
+  diagnose.nominal = report.retrieval.robot;
+  diagnose.logs = report.runs;
+  report.diagnosis = run(diagnose, context.part(0.3, 1.0));
   report.seconds = watch.seconds();
   context.check();
   return report;

@@ -144,9 +144,16 @@ nlohmann::json to_json(const ExportReport& report) {
 
 nlohmann::json to_json(const DemoReport& report) {
   const Identification& id = report.identification;
+  nlohmann::json hidden = nlohmann::json::array();
+  for (const Effect& effect : report.hidden)
+    hidden.push_back({{"name", effect.name}, {"joints", effect.joints}, {"parameters", effect.parameters}});
   return {{"rank", id.rank},
           {"relative_error_percent", id.fit.relative_error_percent},
           {"rmse", to_json(id.fit.rmse)},
+          {"total_mass", report.retrieval.result.total_mass},
+          {"feasible", report.retrieval.result.feasible},
+          {"hidden", hidden},
+          {"diagnosis", to_json(report.diagnosis)},
           {"seconds", report.seconds}};
 }
 

@@ -7,7 +7,10 @@
 
 #include "app/words.hpp"
 #include "dynid/app/choices.hpp"
+#include "dynid/app/report.hpp"
 #include "dynid/app/text.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid {
 namespace {
@@ -136,10 +139,19 @@ void print(std::ostream& out, const TorqueReport& report, const std::string& wri
 
 void print(std::ostream& out, const DemoReport& report) {
   const Identification& id = report.identification;
-  out << "Identified " << id.rank << " coefficients of the Panda from " << report.log.source
-      << ": relative error " << id.fit.relative_error_percent << " %\n  rms [N m]            "
-      << in_a_row(id.fit.rmse) << "\n";
-  if (id.validation) out << "  rms held out [N m]   " << in_a_row(id.validation->rmse) << "\n";
+  const Diagnosis& d = report.diagnosis.diagnosis;
+  std::vector<std::string> hidden;
+  for (const Effect& effect : report.hidden) hidden.push_back(with_spaces(effect.name));
+  out << "1 excite    a Panda follows the letter's motion for 21 s: " << report.log.source << "\n2 identify  "
+      << id.rank << " coefficients, relative error " << short_number(id.fit.relative_error_percent, 3)
+      << " %\n            rms [N m]           " << in_a_row(id.fit.rmse) << "\n";
+  if (id.validation) out << "            rms held out [N m]  " << in_a_row(id.validation->rmse) << "\n";
+  out << "3 feasible  links that a body can have, " << short_number(report.retrieval.result.total_mass, 3)
+      << " kg in all\n4 hide      " << (hidden.empty() ? "nothing" : list_in_words(hidden)) << ": "
+      << list_in_words(report.diagnosis.logs) << "\n5 diagnose  gap [N m rms]        " << in_a_row(d.rms)
+      << "\n";
+  if (!d.effects.empty()) out << "            with the effects    " << in_a_row(d.shrink.after) << "\n";
+  out << verdict_sentence(d) << "\n";
 }
 
 }  // namespace dynid

@@ -25,7 +25,6 @@ namespace {
 using nlohmann::json;
 using namespace detail;
 
-constexpr std::size_t most_plots = 4, most_replayed = 2;
 constexpr double least_ranked = 0.001;  // probability below which an effect has no bar
 constexpr std::size_t long_sentence = 120;
 
@@ -117,25 +116,16 @@ json figures_view(const json& json_of, std::size_t worst) {
   return figures;
 }
 
-json plot_view(const std::string& caption, std::string svg) {
-  return {{"caption", caption}, {"svg", std::move(svg)}};
-}
-
-json residual_view(const Diagnosis& d, const json& json_of, const HeldOutLog& held,
-                   const std::vector<std::size_t>& worst, const std::vector<std::string>& files) {
-  json plots = json::array();
-  for (std::size_t k = 0; k < std::min(most_plots, worst.size()) && d.series.t.size() > 0; ++k) {
-    std::string svg = gap_plot(d, static_cast<Eigen::Index>(worst[k]), held.log);
-    if (!svg.empty()) plots.push_back(plot_view("Joint " + std::to_string(worst[k] + 1), std::move(svg)));
-  }
+json residual_view(const Diagnosis& d, const json& json_of, const HeldOutLog& held, const PlotGroup& plots,
+                   const std::vector<std::string>& files) {
   const auto log = static_cast<std::size_t>(held.log);
-  return {{"rows", d.series.t.size() > 0},
-          {"motion", of_motion(d)},
-          {"cutoff", page_number(json_of.at("cutoff_hz"))},
-          {"whole_log", held.whole},
-          {"log", log < files.size() ? files[log] : ""},
-          {"any_plot", !plots.empty()},
-          {"plots", plots}};
+  json view = {{"rows", d.series.t.size() > 0},
+               {"motion", of_motion(d)},
+               {"cutoff", page_number(json_of.at("cutoff_hz"))},
+               {"whole_log", held.whole},
+               {"log", log < files.size() ? files[log] : ""}};
+  view.update(plots_view(plots));
+  return view;
 }
 
 json shrink_view(const json& json_of) {
@@ -174,37 +164,23 @@ json shrink_view(const json& json_of) {
           {"unit", join(units, " or ")}};
 }
 
-/// The joints that the nominal model carries off most are drawn; a light one may run far away.
-json replay_plots(const Rollout& r) {
+/// The joints that the nominal model carries off most are drawn first; a light one may run far away.
+PlotGroup replay_group(const Rollout& r) {
+  if (r.horizon.size() == 0 || r.t.size() == 0) return {};
   const Eigen::VectorXd off = (r.without - r.q).cwiseAbs().cwiseMin(1.0).colwise().mean().transpose();
-  std::vector<std::size_t> order = largest_first({off.data(), off.data() + off.size()});
-  order.resize(std::min(most_replayed, order.size()));
-  json plots = json::array();
-  for (const bool error : {false, true})
-    for (const std::size_t j : order) {
-      std::string svg = replay_plot(r, static_cast<Eigen::Index>(j), error);
-      if (!svg.empty())
-        plots.push_back(
-            plot_view("Joint " + std::to_string(j + 1) + (error ? ", error of the replay" : ", position"),
-                      std::move(svg)));
-    }
-  return plots;
+  return replay_plots(r, largest_first({off.data(), off.data() + off.size()}));
 }
 
-json replay_view(const Diagnosis& d, const json& json_of) {
+json replay_view(const Diagnosis& d, const json& json_of, const PlotGroup& plots) {
   const json& replay = json_of.at("shrink").at("rollout");
   json horizons = json::array();
   for (std::size_t k = 0; k < replay.at("horizon_s").size(); ++k)
     horizons.push_back({{"horizon", page_number(replay.at("horizon_s").at(k))},
                         {"before", page_angle(replay.at("before").at(k))},
                         {"after", page_angle(replay.at("after").at(k))}});
-  const bool any = !horizons.empty();
-  const json plots = any ? replay_plots(d.rollout) : json::array();
-  return {{"any", any},
-          {"motion", of_motion(d)},
-          {"horizons", horizons},
-          {"any_plot", !plots.empty()},
-          {"plots", plots}};
+  json view = {{"any", !horizons.empty()}, {"motion", of_motion(d)}, {"horizons", horizons}};
+  view.update(plots_view(plots));
+  return view;
 }
 
 void add_ranking_view(const json& json_of, json& view) {
@@ -225,6 +201,7 @@ void add_ranking_view(const json& json_of, json& view) {
                                {"width", short_number(100.0 * p, 5)},
                                {"probability", page_probability(p)}});
   }
+  view["any_ranking"] = !view["ranking"].empty();
   view["below"] = list_in_words(below);
 }
 
@@ -285,7 +262,8 @@ json head_view(const Diagnosis& d, const ReportContext& context, const std::vect
 
 std::string detail::file_name(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
 
-std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
+json detail::report_view(const Diagnosis& diagnosis, const ReportContext& context,
+                         std::vector<PlotGroup>& plots) {
   DiagnoseReport report;
   report.diagnosis = diagnosis;
   report.referenced = context.referenced;
@@ -307,12 +285,20 @@ std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
   view["answerable"]["runner_up_explained"] = page_percent(diagnosis.conventions.runner_up_explained);
   add_effects_view(json_of, view);
   add_where_view(json_of, view);
-  view["residual"] = residual_view(diagnosis, json_of, held, worst, files);
+  plots = {gap_plots(diagnosis, worst, held.log), replay_group(diagnosis.rollout)};
+  view["residual"] = residual_view(diagnosis, json_of, held, plots[0], files);
   view["shrink"] = shrink_view(json_of);
-  view["replay"] = replay_view(diagnosis, json_of);
+  view["replay"] = replay_view(diagnosis, json_of, plots[1]);
   add_ranking_view(json_of, view);
   view["logs"] = logs_view(json_of, held, files);
   view["next"] = next_view(json_of.at("next_experiment"));
+  return view;
+}
+
+std::string to_html(const Diagnosis& diagnosis, const ReportContext& context) {
+  std::vector<PlotGroup> plots;
+  json view = report_view(diagnosis, context, plots);
+  add_plot_data(plots, view);
   return rendered_page("report", view);
 }
 

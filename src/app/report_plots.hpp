@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <string>
+#include <vector>
 
 #include "dynid/diagnosis/diagnose.hpp"
+#include "page_plots.hpp"
 
 namespace dynid::detail {
 
-/// Drawing of the gap of joint `joint` (from 0) over time in log `log` (from 0), before and after, with the
-/// noise floor and what was held out: an <svg> in the page's colours. Empty without gnuplot or rows.
-std::string gap_plot(const Diagnosis& d, Eigen::Index joint, int log);
+/// The gap of every joint over time in log `log` (from 0), before and after, with the noise floor and what
+/// was held out; shown at first are the first of `order` (joints from 0). No plots without rows.
+PlotGroup gap_plots(const Diagnosis& d, const std::vector<std::size_t>& order, int log);
 
-/// One joint's replayed position (within what was measured, and half as much again) or its error, the same
-/// way.
-std::string replay_plot(const Rollout& r, Eigen::Index joint, bool error);
+/// The replayed position of every joint (within what was measured, and half as much again) and its error;
+/// shown at first are the first of `order`.
+PlotGroup replay_plots(const Rollout& r, const std::vector<std::size_t>& order);
 
 }  // namespace dynid::detail

@@ -54,14 +54,16 @@ void add_where_view(const json& json_of, json& view) {
   view["joints"] = json::array();
   for (int j = 1; j <= n; ++j) view["joints"].push_back(j);
   view["columns"] = n + 1;
-  view["regimes"] = json::array();
+  view["groups"] = json::array();
   std::string group;
   for (const std::string& regime : regimes) {
-    const bool next = group_of(regime) != group;
-    group = group_of(regime);
-    json row = {{"regime", regime}, {"group", next ? group : ""}, {"cells", json::array()}};
+    if (group_of(regime) != group) {
+      group = group_of(regime);
+      view["groups"].push_back({{"group", group}, {"regimes", json::array()}});
+    }
+    json row = {{"regime", regime}, {"cells", json::array()}};
     for (int j = 1; j <= n; ++j) row["cells"].push_back(cell_view(cells, j, regime, largest));
-    view["regimes"].push_back(std::move(row));
+    view["groups"].back()["regimes"].push_back(std::move(row));
   }
   view["windows"] = json::array();
   for (const json& w : gap.at("windows")) {

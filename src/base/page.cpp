@@ -33,13 +33,17 @@ mustache::data data_of(const nlohmann::json& value) {
 
 }  // namespace
 
+bool has_page_template(const std::string& name) { return detail::page_templates().count(name) > 0; }
+
 std::string rendered_page(const std::string& name, const nlohmann::json& view) {
   const auto& templates = detail::page_templates();
   const auto found = templates.find(name);
   if (found == templates.end()) throw Error("page '" + name + "': there is no such template");
   mustache::data data = data_of(view);
-  for (const auto& [partial, text] : templates)
+  for (const auto& [partial, text] : templates) {
     data.set("part:" + partial, mustache::data(mustache::partial([&text = text] { return text; })));
+    data.set("text:" + partial, text);
+  }
   mustache::mustache page(found->second);
   page.set_custom_escape(html_escaped);
   const std::string html = page.render(data);

@@ -49,6 +49,7 @@ std::string plot_svg(const std::string& commands, const std::string& name) {
   // Marks for points that nothing here draws, and groups left empty: most of the text.
   cut_all(svg, "<defs>", "</defs>\n");
   cut_all(svg, "<desc>", "</desc>\n");
+  cut_all(svg, "<title>gnuplot_plot", "</title>");  // a name that nobody gave, and that a mouse shows
   for (std::size_t at = 0; (at = svg.find("<g ", at)) != std::string::npos;) {
     const std::size_t close_tag = svg.find('>', at);
     if (svg.compare(close_tag, 6, ">\n</g>") == 0)

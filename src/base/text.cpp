@@ -72,10 +72,19 @@ std::string html_escaped(const std::string& text) {
 std::string script_escaped(const std::string& json) {
   std::string out;
   for (const char c : json) {
-    if (c == '<')
-      out += "\\u003c";  // outside a string of JSON there is none
-    else
-      out += c;
+    switch (c) {  // outside a string of JSON there is none of them
+      case '<':
+        out += "\\u003c";
+        break;
+      case '>':
+        out += "\\u003e";
+        break;
+      case '&':
+        out += "\\u0026";
+        break;
+      default:
+        out += c;
+    }
   }
   return out;
 }

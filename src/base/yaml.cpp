@@ -1,28 +1,62 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/yaml.hpp"
 
+#include <yaml-cpp/eventhandler.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
+#include <sstream>
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 
 namespace dynid::detail {
+namespace {
+
+/// Hears of a document's parts and keeps none.
+struct Deaf : YAML::EventHandler {
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+  }
+  void OnMapEnd() override {}
+};
+
+/// The first document, and a second one, empty, where there are more. YAML::LoadAll() would never end on some
+/// texts that are no YAML: it takes no step from one document to the next.
+std::vector<YAML::Node> first_documents(const std::string& text) {
+  std::istringstream stream(text);
+  YAML::Parser parser(stream);
+  Deaf deaf;
+  std::vector<YAML::Node> documents;
+  if (parser.HandleNextDocument(deaf)) documents.push_back(YAML::Load(text));
+  if (parser.HandleNextDocument(deaf)) documents.emplace_back();
+  return documents;
+}
+
+}  // namespace
 
 YamlItem YamlItem::document(const std::string& text, const std::string& file, const char* format,
                             const char* what) {
   const std::string expected = std::string("expected ") + what + " (format: " + format + ")";
   std::vector<YAML::Node> documents;
   try {
-    documents = YAML::LoadAll(text);
+    documents = first_documents(text);
   } catch (const YAML::Exception& error) {
     const std::string line = error.mark.is_null() ? "" : ":" + std::to_string(error.mark.line + 1);
-    throw Error(file + line + ": " + error.msg);
+    throw Error(one_line(file + line + ": " + error.msg));
   }
   if (documents.empty() || documents[0].IsNull()) throw Error(file + ": is empty, " + expected);
-  const YamlItem root(documents[0], "", std::make_shared<const std::string>(file));
+  YamlItem root(documents[0], "", std::make_shared<const std::string>(file));
   if (documents.size() > 1) root.fail("holds more than one document");
   if (!root.node_.IsMap()) root.fail(expected);
   const YamlItem found = root.at("format");
@@ -33,7 +67,7 @@ YamlItem YamlItem::document(const std::string& text, const std::string& file, co
 
 void YamlItem::fail(const std::string& what) const {
   const std::string line = mark_.is_null() ? "" : ":" + std::to_string(mark_.line + 1);
-  throw LocatedError(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what);
+  throw LocatedError(one_line(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what));
 }
 
 void YamlItem::expect_map() const {

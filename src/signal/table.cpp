@@ -29,6 +29,7 @@ struct Reader {
   std::vector<std::vector<double>> columns;
   std::size_t line = 0;
   std::size_t field = 0;
+  std::size_t ended = 0;  ///< rows, the header among them
   bool header = true;
   std::string error;
 
@@ -90,6 +91,7 @@ struct Reader {
   }
 
   void end_row() {
+    ++ended;
     if (!error.empty()) return;
     if (header) {
       end_header();
@@ -281,9 +283,14 @@ Table read_table(const std::string& path, const TableOptions& options) {
   const auto parse = [&](std::string& line) {
     if (separator == ' ') squeeze(line);
     line.push_back('\n');
+    const std::size_t before = reader.ended;
+    const bool in_row = !reader.header;
     if (csv_parse(parser.get(), line.data(), line.size(), on_field, on_row, &reader) != line.size())
       throw Error(reader.place() + csv_strerror(csv_error(parser.get())));
     if (!reader.error.empty()) throw Error(reader.error);
+    // Of a row that goes on in the next line some columns would have a number more than others.
+    if (in_row && reader.ended == before && line.find('"') != std::string::npos)
+      throw Error(reader.place() + "a quotation mark is not closed");
   };
   while (std::getline(file, text)) {
     ++reader.line;

@@ -2,7 +2,6 @@
 // dynid compare: two or more diagnoses side by side.
 #include "dynid/app/compare.hpp"
 
-#include <expat.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include "app/serialise.hpp"
 #include "dynid/app/option_error.hpp"
 #include "dynid/app/text.hpp"
+#include "page_laws.hpp"
 
 namespace dynid {
 namespace {
@@ -163,16 +163,6 @@ TEST(Compare, RefusesByName) {
     EXPECT_EQ(refused(CompareJob{{good, {"bad.json", text}}}).rfind("bad.json: ", 0), 0U) << text;
 }
 
-std::string ill_formed(const std::string& page) {
-  XML_Parser parser = XML_ParserCreate(nullptr);
-  std::string error;
-  if (XML_Parse(parser, page.data(), static_cast<int>(page.size()), XML_TRUE) != XML_STATUS_OK)
-    error = std::string(XML_ErrorString(XML_GetErrorCode(parser))) + " in line " +
-            std::to_string(XML_GetCurrentLineNumber(parser));
-  XML_ParserFree(parser);
-  return error;
-}
-
 /// The page is well-formed whatever the files are called, needs nothing else, and says what is in the report.
 TEST(Compare, ThePageStandsByItself) {
   const std::string name = "a/<log>&\"1\".json";
@@ -180,7 +170,7 @@ TEST(Compare, ThePageStandsByItself) {
       {entry(name, diagnosis(Verdict::explained, 1.0, {effect("coulomb_friction", {2}, 0.9, 0.1)})),
        entry("after.json", diagnosis(Verdict::no_gap, 0.05))}});
   const std::string page = report.html("dynid compare '<a>' b", "1.2");
-  EXPECT_EQ(ill_formed(page), "");
+  test::PageLaws::check(page);
   EXPECT_EQ(page.find("<script"), std::string::npos);
   EXPECT_EQ(page.find("src="), std::string::npos);
   EXPECT_EQ(page.find("<log>"), std::string::npos);

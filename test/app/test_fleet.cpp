@@ -14,6 +14,7 @@
 #include "dynid/app/text.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
+#include "page_laws.hpp"
 #include "small_problems.hpp"
 
 namespace dynid {
@@ -158,6 +159,7 @@ TEST(Fleet, StopsWhenAsked) {
 
 TEST(Fleet, ThePageAndTheTableSayIt) {
   const std::string page = done().html("dynid diagnose --fleet '<t>'", "1.2");
+  test::PageLaws::check(page);
   EXPECT_EQ(page.find("<script"), std::string::npos);
   for (const char* part :
        {"id=\"causes\"", "id=\"robots\"", "The largest gap is that of sick", "Viscous friction",

@@ -180,7 +180,7 @@ TEST(Stop, IsSeenByEveryUseCaseBeforeItBegins) {
   ExportJob exported;
   exported.model.robot = identify.robot;
   EXPECT_THROW(run(exported, context), Stopped);
-  EXPECT_THROW(run(DemoJob{identify.robot, "panda", "log", 1}, context), Stopped);
+  EXPECT_THROW(run(DemoJob{identify.robot, "panda", "log", 1, {}, {}, {}}, context), Stopped);
   PipelineJob pipeline;
   pipeline.robot = identify.robot;
   pipeline.log = test::small_log();

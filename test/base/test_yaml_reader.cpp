@@ -89,6 +89,13 @@ TEST(YamlReader, ADocumentIsOneMapOfItsFormat) {
   EXPECT_EQ(document("format: f-1\n---\nformat: f-1\n"), "f.yaml:1: holds more than one document");
   EXPECT_EQ(document("format: [\n").substr(0, 7), "f.yaml:");
   EXPECT_EQ(document("format: f-1\n"), "no error");
+  // No document ends where a bracket closes that none opened: yaml-cpp finds one after the other there, for
+  // ever.
+  for (const char* endless : {"format: f-1\n, x: 1}\n", "format: f-1\n}\n", "}\n", ", x\n"})
+    EXPECT_EQ(document(endless).substr(0, 7), "f.yaml:") << endless;
+  for (const char* odd :
+       {"format: \"\\\n\"\n", "format: \"\\\x01\"\n", "\"for\\nmat\": 1\n", "format: \"f\\n-1\"\n"})
+    EXPECT_EQ(document(odd).find('\n'), std::string::npos) << "one line: " << document(odd);
 }
 
 TEST(YamlReader, AnErrorIsLocatedOnce) {

@@ -413,17 +413,50 @@ TEST_F(CommandLine, RetrieveStaysCloseToAPriorAndReportsThePrice) {
   EXPECT_EQ(run(command + path("x.yaml") + " --prior /no/such.urdf"), 2);
 }
 
-TEST_F(CommandLine, DemoIdentifiesWhatItRecordsAndReportsIt) {
-  ASSERT_EQ(run("demo --robot " + panda() + " --out " + path("demo") + " --json " + path("d.json")), 0)
+TEST_F(CommandLine, DemoTellsTheWholeStory) {
+  const std::string bounds = std::string(DYNID_SOURCE_DIR) + "/config/panda_bounds.yaml";
+  ASSERT_EQ(run("demo --robot " + panda() + " --bounds " + bounds + " --out " + path("demo") + " --json " +
+                path("d.json")),
+            0)
       << error_;
   const auto json = nlohmann::json::parse(read_file(path("d.json")));
   EXPECT_EQ(json["rank"], 64);
   EXPECT_LT(json["relative_error_percent"], 1.0);
+  EXPECT_EQ(json["feasible"], true);
+  ASSERT_EQ(json["hidden"].size(), 1u);
+  EXPECT_EQ(json["hidden"][0]["name"], "joint_spring");
+  const auto& diagnosis = json["diagnosis"];
+  EXPECT_EQ(diagnosis["verdict"], "explained");
+  ASSERT_GE(diagnosis["effects"].size(), 1u);
+  EXPECT_EQ(diagnosis["effects"][0]["name"], "joint_spring");
+  EXPECT_EQ(diagnosis["effects"][0]["joints"], nlohmann::json::array({2}));
+  EXPECT_NEAR(diagnosis["effects"][0]["parameters"]["stiffness"]["value"][1].get<double>(), 20.0, 0.5);
+  // One screen.
+  EXPECT_LT(std::count(out_.begin(), out_.end(), '\n'), 24) << out_;
+  for (const char* part :
+       {"1 excite", "2 identify", "3 feasible", "4 hide", "5 diagnose", "explains the gap", "Report: "})
+    EXPECT_NE(out_.find(part), std::string::npos) << part << ": " << out_;
+  // One page, in this order.
   const std::string report = read_file(path("demo/report.html"));
-  for (const char* part : {"velocity_lag", "repeated_rows", "jitter", "Coefficients", "</html>"})
-    EXPECT_NE(report.find(part), std::string::npos) << part;
-  EXPECT_EQ(report.find("http"), report.find("http://www.w3.org")) << "the report needs no network";
+  std::size_t at = 0;
+  for (const char* part : {"explains the gap", "id=\"where\"", "id=\"hidden\"", "id=\"residual\"",
+                           "id=\"replay\"", "id=\"patch\"", "velocity_lag", "jitter", "repeated_rows",
+                           "Coefficients", "Made feasible", "</html>"}) {
+    const std::size_t next = report.find(part, at);
+    ASSERT_NE(next, std::string::npos) << part;
+    at = std::string(part).find("id=") == 0 ? next : at;
+  }
+  EXPECT_EQ(report.find(" src="), std::string::npos) << "the report needs no network";
   EXPECT_EQ(read_model(path("demo/identified.yaml")).coefficients.size(), 64u);
+  EXPECT_TRUE(inconsistencies(read_model(path("demo/feasible.yaml")).robot).empty());
+  const Robot patched = read_model(path("demo/patched.yaml")).robot;
+  ASSERT_EQ(patched.effects.size(), 1u);
+  EXPECT_EQ(patched.effects[0].name, "joint_spring");
+  EXPECT_NEAR(patched.effects[0].parameters.at("stiffness").at(1), 20.0, 0.5);
+
+  EXPECT_EQ(run("demo --robot " + panda() + " --bounds " + bounds + " --effect no_such --out " + path("x")),
+            2);
+  EXPECT_NE(error_.find("no_such"), std::string::npos) << error_;
 }
 
 TEST_F(CommandLine, JsonOnStandardOutputIsAloneThere) {

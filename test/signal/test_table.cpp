@@ -88,6 +88,8 @@ TEST(Table, BadFilesAreNamedByLineAndColumn) {
   expect_in(":2: column b: '' is not a number", table_error("a,b\n1,\n"));
   expect_in(":3: the row has 1 fields, the header names 2", table_error("a,b\n1,2\n3"));
   expect_in(":2: the row has 3 fields, the header names 2", table_error("a,b\n1,2,3\n"));
+  expect_in(":3: a quotation mark is not closed", table_error("a,b\n1,2\n3,\"4\n5,6\n"));
+  expect_in(":2: a quotation mark is not closed", table_error("a,b\n1,\"2"));
   expect_in("the header names column a twice", table_error("a,a\n1,2\n"));
   expect_in("cannot be read", error_of([] { read_table("/no/such/file.csv"); }));
 }

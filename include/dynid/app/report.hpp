@@ -20,9 +20,11 @@ struct ReportContext {
 /// The diagnosis in one sentence, for a person.
 std::string verdict_sentence(const Diagnosis& diagnosis);
 
-/// The diagnosis as one HTML page that needs nothing else: well-formed XML, no script, no network, for light
-/// and dark schemes and any width. Plots are gnuplot's, inlined; where it is missing the page says so and
-/// stands without them. Allocates; does not throw beyond std::bad_alloc.
+/// The diagnosis as one HTML page that needs nothing else: well-formed XML, no network, for light and dark
+/// schemes, any width, keyboard and screen reader. Its script draws the plots, of data in the page (thinned
+/// to what can be seen, so that the page of a long log stays small); without scripts and in print they are
+/// gnuplot's. Where one of the two is missing the page stands without it, and says so where it has no plots.
+/// Allocates; does not throw beyond std::bad_alloc.
 std::string to_html(const Diagnosis& diagnosis, const ReportContext& context);
 
 }  // namespace dynid
