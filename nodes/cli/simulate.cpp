@@ -117,9 +117,10 @@ void add_simulate(CLI::App& app, int& status) {
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_flag("--effects", a->list, "List the effects with their parameters, units and defaults");
-  command->add_flag("--servo", a->servo,
-                    "The joints' position servos follow the motion as commands, held from row to row; the log "
-                    "has t, u1.., q1.., dq1..; --effects lists those of servos");
+  command->add_flag(
+      "--servo", a->servo,
+      "The joints' position servos follow the motion as commands, held from row to row; the log "
+      "has t, u1.., q1.., dq1..; --effects lists those of servos");
   command->add_flag("--torque", a->torque, "With --servo: the log has tau1.. too");
   command->add_option("--seed", a->seed, "Of everything random")->capture_default_str();
   command->add_option("--noise", a->noise, "Times the torque noise of a good robot (1; with --clean 0)");

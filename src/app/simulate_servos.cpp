@@ -39,7 +39,8 @@ std::vector<Effect> parse_servo_effects(const std::vector<std::string>& texts, c
       if (width != effect.parameters.end() && text.find("velocity_scale") == std::string::npos)
         for (const int j : effect.joints)
           if (width->second.size() == scales.size())
-            width->second[static_cast<std::size_t>(j - 1)] = sharp * scales[static_cast<std::size_t>(j - 1)].speed;
+            width->second[static_cast<std::size_t>(j - 1)] =
+                sharp * scales[static_cast<std::size_t>(j - 1)].speed;
       effects.push_back(effect);
     } catch (const Error& error) {
       throw OptionError("effect", text + ": " + error.what());
@@ -75,8 +76,7 @@ SimulateServosReport run(const SimulateServosJob& job, const Context& context) {
   report.rate = job.rate;
   report.spread = job.spread;
   report.run = simulate_servos(job.robot, job.effects, commands, options);
-  report.tracking_error =
-      (report.run.log.u - report.run.log.q).cwiseAbs().colwise().mean().transpose();
+  report.tracking_error = (report.run.log.u - report.run.log.q).cwiseAbs().colwise().mean().transpose();
   report.seconds = watch.seconds();
   context.check();
   return report;

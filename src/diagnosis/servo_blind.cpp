@@ -28,11 +28,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int draws_of_a_case = 8;  // an arm may leave its commands: then another is drawn
-constexpr double sharp = 1e-4;      // width of a sign, of the joint's speed: a joint that holds does not creep
-constexpr const char* drawn_effects[] = {
-    "servo_stiffness", "servo_damping",     "command_delay", "command_filter",          "coulomb_friction",
-    "rotor_inertia",   "encoder_offset",    "backlash",      "torque_saturation",       "payload",
-    "stribeck_friction", "load_dependent_friction"};
+constexpr double sharp = 1e-4;  // width of a sign, of the joint's speed: a joint that holds does not creep
+constexpr const char* drawn_effects[] = {"servo_stiffness", "servo_damping",     "command_delay",
+                                         "command_filter",  "coulomb_friction",  "rotor_inertia",
+                                         "encoder_offset",  "backlash",          "torque_saturation",
+                                         "payload",         "stribeck_friction", "load_dependent_friction"};
 // Nothing else bends a motion as this does.
 constexpr const char* without_twin = "torque_saturation";
 constexpr const char* unknown_kinds[] = {"unknown_periodic", "unknown_product", "unknown_wander"};
@@ -154,6 +154,18 @@ Effect drawn_effect(const ServoStage& s, std::string name, double strength, std:
   return of_joint(s, name, static_cast<int>(random() % static_cast<unsigned long>(n)), strength, random);
 }
 
+/// rms [encoder steps] by which an effect changes the motion of the joint that shows it most.
+double seen(const ServoStage& s, const Effect& effect) {
+  SimulateServosOptions options;
+  options.rate = s.rate;
+  const Eigen::VectorXd step = encoder_steps(s.nominal, options.encoder_step);
+  options.encoder_step = 0.0;
+  const Eigen::MatrixXd with = simulate_servos(s.real, {effect}, s.commands[0], options).q,
+                        without = simulate_servos(s.real, {}, s.commands[0], options).q;
+  return ((with - without).colwise().norm().transpose().cwiseQuotient(step) / std::sqrt(double(with.rows())))
+      .maxCoeff();
+}
+
 ServoDraw draw_case(const ServoStage& s, BlindKind kind, std::mt19937_64& random) {
   const double strength = kind == BlindKind::weak ? 0.3 : 1.0;
   const auto any = [&] { return std::string(drawn_effects[random() % std::size(drawn_effects)]); };
@@ -172,12 +184,15 @@ ServoDraw draw_case(const ServoStage& s, BlindKind kind, std::mt19937_64& random
     draw.effects.push_back(drawn_effect(s, without_twin, strength, random));
     return draw;
   }
-  draw.effects.push_back(drawn_effect(s, any(), strength, random));
-  if (which < 0.43) {
-    Effect other = drawn_effect(s, any(), strength, random);
-    while (other.name == draw.effects[0].name) other = drawn_effect(s, any(), strength, random);
-    draw.effects.push_back(other);
+  // An effect that its arm's motion does not show is none to look for.
+  constexpr double least_seen = 4.0;  // encoder steps
+  constexpr int most_draws = 50;
+  for (int k = 0; k < most_draws && draw.effects.size() < (which < 0.43 ? 2U : 1U); ++k) {
+    const Effect e = drawn_effect(s, any(), strength, random);
+    if ((draw.effects.empty() || draw.effects[0].name != e.name) && seen(s, e) >= strength * least_seen)
+      draw.effects.push_back(e);
   }
+  if (draw.effects.empty()) throw Error("blind: no effect shows on this arm");
   return draw;
 }
 
@@ -186,8 +201,7 @@ std::function<void(double, const Eigen::VectorXd&, const Eigen::VectorXd&, Eigen
     const ServoStage& s, const ServoDraw& draw, unsigned long seed) {
   if (draw.unknown.empty()) return nullptr;
   const int j = draw.unknown_joint, n = s.nominal.size();
-  const double size =
-      draw.unknown_size * s.nominal.joints[static_cast<std::size_t>(j)].servo->kp * s.lag[j];
+  const double size = draw.unknown_size * s.nominal.joints[static_cast<std::size_t>(j)].servo->kp * s.lag[j];
   if (draw.unknown == "unknown_periodic")  // time, not motion, drives it
     return [=](double t, const auto&, const auto&, Eigen::VectorXd& tau) {
       tau[j] += size * std::sin(draw.unknown_rate * t);
@@ -229,7 +243,8 @@ nlohmann::json label_of(const ServoStage& s, const ServoDraw& draw) {
                                              nominal.servo->kd - nominal.friction.linear.viscous;
       if (e.name == "coulomb_friction")
         e.parameters.at("coefficient")[j] += real.friction.linear.coulomb - nominal.friction.linear.coulomb;
-      if (e.name == "rotor_inertia") e.parameters.at("armature")[j] += real.rotor_inertia - nominal.rotor_inertia;
+      if (e.name == "rotor_inertia")
+        e.parameters.at("armature")[j] += real.rotor_inertia - nominal.rotor_inertia;
     }
     if (e.name == "payload") {
       std::vector<double>& com = e.parameters.at("com");
@@ -297,11 +312,10 @@ void play(const Robot& nominal, const BlindOptions& options, int index, const fs
   const Robot model = read_model((folder / "model.yaml").string()).robot;
   LogColumns columns;
   columns.dq = columns.tau = false;
-  const Diagnosis d =
-      diagnose_servos(model,
-                      {read_log((folder / "log_a.csv").string(), model.size(), columns),
-                       read_log((folder / "log_b.csv").string(), model.size(), columns)},
-                      diagnose);
+  const Diagnosis d = diagnose_servos(model,
+                                      {read_log((folder / "log_a.csv").string(), model.size(), columns),
+                                       read_log((folder / "log_b.csv").string(), model.size(), columns)},
+                                      diagnose);
   here.verdict = d.verdict;
   here.p_value = d.p_value;
   here.explained = d.explained;
@@ -330,7 +344,8 @@ Robot with_random_servos(const Robot& robot, unsigned long seed) {
     const JointScale& s = scales[j];
     joint.rotor_inertia = between(random, 0.1, 0.5) * s.inertia;
     const double inertia = s.inertia + joint.rotor_inertia;
-    const double w = std::max(between(random, 12.0, 28.0), std::sqrt(s.gravity / (most_bent * s.travel * inertia)));
+    const double w =
+        std::max(between(random, 12.0, 28.0), std::sqrt(s.gravity / (most_bent * s.travel * inertia)));
     Servo servo;
     servo.kp = inertia * w * w;
     servo.kd = 2.0 * between(random, 0.5, 1.2) * w * inertia;

@@ -126,12 +126,10 @@ bool enter_servo(Robot& robot, const Effect& effect) {
       else
         s.damping_ratio += 0.5 * s.natural_frequency * value("coefficient", j);
     });
-  if (name == "command_delay")
-    return for_servos([&](Servo& s, int j) { s.delay = value("delay", j); });
+  if (name == "command_delay") return for_servos([&](Servo& s, int j) { s.delay = value("delay", j); });
   if (name == "command_filter")
     return for_servos([&](Servo& s, int j) { s.command_time_constant = value("time_constant", j); });
-  if (name == "encoder_offset")
-    return for_servos([&](Servo& s, int j) { s.bias += value("offset", j); });
+  if (name == "encoder_offset") return for_servos([&](Servo& s, int j) { s.bias += value("offset", j); });
   if (name == "torque_saturation")
     return for_servos([&](Servo& s, int j) {
       const double limit = std::max(value("limit", j), value("command_limit", j));

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 
 #include "conversions.hpp"
@@ -10,6 +11,9 @@ namespace dynid {
 namespace {
 
 using namespace detail::exporting;
+
+// [s] A servo's damping on a light joint is stiff, and MuJoCo's integrators are of first order.
+constexpr double servo_timestep = 2e-4;
 
 std::string mjcf_pose(const Eigen::Isometry3d& pose) {
   const Eigen::Quaterniond q(pose.linear());
@@ -39,6 +43,15 @@ Spring spring_of(const Robot& robot, std::size_t k) {
   return {terms.stiffness[j], -terms.offset[j]};
 }
 
+/// Has a servo in SI units, which an actuator can stand for.
+bool is_servo(const Joint& joint) { return joint.servo && joint.servo->kp > 0.0; }
+
+/// kd of a servo whose torque is limited: dynid's limit is on the stiffness alone, MuJoCo's on all that an
+/// actuator gives, so the damping goes to the joint.
+double damping_of_joint(const Joint& joint) {
+  return is_servo(joint) && std::isfinite(joint.servo->torque_limit) ? joint.servo->kd : 0.0;
+}
+
 std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std::string>& list) {
   const std::string prefix = "joint '" + joint.name + "': ";
   const JointLimits& limits = joint.limits;
@@ -52,8 +65,14 @@ std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std
     text += attribute("limited", "true") +
             attribute("range", position_limit(limits.lower) + " " + position_limit(limits.upper));
   }
-  if (friction.viscous != 0.0) text += attribute("damping", number(friction.viscous));
+  const double damping = friction.viscous + damping_of_joint(joint);
+  if (damping != 0.0) text += attribute("damping", number(damping));
   if (friction.coulomb > 0.0) text += attribute("frictionloss", number(friction.coulomb));
+  // MuJoCo's friction gives way by a part of the acceleration that it holds back; its usual part lets a servo
+  // that sticks creep by mrad a second.
+  if (friction.coulomb > 0.0 && is_servo(joint))
+    text += attribute("solreffriction", number(2.0 * servo_timestep) + " 1") +
+            attribute("solimpfriction", "0.9999 0.9999 0.001 0.5 2");
   if (joint.rotor_inertia > 0.0) text += attribute("armature", number(joint.rotor_inertia));
   if (spring.stiffness > 0.0)
     text += attribute("stiffness", number(spring.stiffness)) +
@@ -67,6 +86,32 @@ std::string mjcf_joint(const Joint& joint, const Spring& spring, std::vector<std
     list.push_back(prefix + "negative rotor inertia " + number(joint.rotor_inertia) + " kg m^2");
   if (std::isfinite(limits.velocity)) list.push_back(prefix + "velocity limit " + number(limits.velocity));
   list_joint_not_expressed(joint, list);
+  return text + "/>\n";
+}
+
+/// A position servo is written as what MuJoCo's shortcut <position> stands for: the shortcut of the version
+/// that distributions ship knows no damping.
+std::string mjcf_servo(const Joint& joint, std::vector<std::string>& list) {
+  const Servo& s = *joint.servo;
+  const std::string prefix = "joint '" + joint.name + "': servo: ";
+  const double offset = s.kp * s.bias, kd = s.kd - damping_of_joint(joint);
+  std::string text = "    <general" + attribute("name", joint.name) + attribute("joint", joint.name) +
+                     attribute("biastype", "affine") + attribute("gainprm", number(s.kp)) +
+                     attribute("biasprm", triple({-offset, -s.kp, -kd}));
+  if (s.command_time_constant > 0.0)
+    text += attribute("dyntype", "filter") + attribute("dynprm", number(s.command_time_constant));
+  if (std::isfinite(s.torque_limit))
+    text += attribute("forcelimited", "true") +
+            attribute("forcerange", number(-s.torque_limit - offset) + " " + number(s.torque_limit - offset));
+  if (s.delay != 0.0)
+    list.push_back(prefix + "delay " + number(s.delay) +
+                   " s: hold commands back by it before they are given");
+  if (s.stribeck_position != 0.0)
+    list.push_back(prefix + "Stribeck friction " + number(s.kp * s.stribeck_position) + " " +
+                   unit_of("N m", joint.type) + " below " + number(s.stribeck_velocity) + " " +
+                   unit_of("rad/s", joint.type));
+  if (s.load_friction != 0.0)
+    list.push_back(prefix + "friction of " + number(s.load_friction) + " of the load");
   return text + "/>\n";
 }
 
@@ -89,7 +134,10 @@ ExportText to_mjcf(const Robot& given) {
   // The zero bounds and the lone inertials keep MuJoCo from making anything of its own out of the numbers.
   text = "<mujoco" + attribute("model", robot.name) + ">\n" +
          "  <compiler angle=\"radian\" inertiafromgeom=\"false\" boundmass=\"0\" boundinertia=\"0\"/>\n" +
-         "  <option" + attribute("gravity", triple(robot.gravity)) + "/>\n  <worldbody>\n";
+         "  <option" + attribute("gravity", triple(robot.gravity));
+  if (std::any_of(robot.joints.begin(), robot.joints.end(), is_servo))
+    text += attribute("timestep", number(servo_timestep)) + attribute("integrator", "implicit");
+  text += "/>\n  <worldbody>\n";
   std::string indent = "    ", motors;
   std::size_t open = 0;
   const auto open_body = [&](const std::string& name, const std::string& pose) {
@@ -103,7 +151,10 @@ ExportText to_mjcf(const Robot& given) {
     const LinkInertia body = from_standard(joint.parameters);
     open_body(joint.link_name, mjcf_pose(joint.origin));
     text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, spring_of(robot, k), out.not_expressed);
-    motors += mjcf_motor(joint);
+    motors += is_servo(joint) ? mjcf_servo(joint, out.not_expressed) : mjcf_motor(joint);
+    if (joint.servo && !is_servo(joint))
+      out.not_expressed.push_back("joint '" + joint.name +
+                                  "': servo, of which ratios to kp are known only: a motor stands for it");
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
     constexpr double least = 1e-15;  // mjMINVAL
     list_impossible(body, joint.link_name, least, "MuJoCo", out.not_expressed);

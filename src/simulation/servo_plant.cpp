@@ -9,6 +9,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/dynamics/gravity.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
+#include "dynid/dynamics/mass_matrix.hpp"
 #include "dynid/effect/complete.hpp"
 #include "dynid/effect/servo_effects.hpp"
 #include "dynid/simulation/perturbed.hpp"
@@ -33,8 +34,9 @@ void check(const Robot& robot, const Trajectory& commands, const SimulateServosO
     (joint.servo->kp > 0.0 ? si : ratios) = true;
   }
   if (si && ratios)
-    throw Error("robot '" + robot.name +
-                "': some servos have kp, others ratios only: the torques that couple such joints are unknown");
+    throw Error(
+        "robot '" + robot.name +
+        "': some servos have kp, others ratios only: the torques that couple such joints are unknown");
   if (commands.joints() != robot.size())
     throw Error(commands.source + ": the trajectory has " + std::to_string(commands.joints()) +
                 " joints, the robot has " + std::to_string(robot.size()));
@@ -64,10 +66,42 @@ Robot over_stiffness(Robot robot) {
 /// What the servos take from effects beside their own numbers.
 struct Drives {
   VectorXd half_gap, compensation;  // [rad]; part of the gravity torque
+  VectorXd damping;                 // [N m s/rad] that the servo itself gives; the rest of kd is the plant's
 };
 
+/// Friction with the load feels what the servo gives, damping included: there kd is the servo's own.
+/// Elsewhere the plant has it, whose integration takes any.
+VectorXd damping_in_servo(const Robot& truth, const std::vector<Effect>& left) {
+  VectorXd damping = VectorXd::Zero(truth.size());
+  for (int j = 0; j < truth.size(); ++j) {
+    const Servo& s = *truth.joints[static_cast<std::size_t>(j)].servo;
+    bool felt = s.load_friction > 0.0;
+    for (const Effect& e : left)
+      felt = felt || (e.name == "load_dependent_friction" &&
+                      std::find(e.joints.begin(), e.joints.end(), j + 1) != e.joints.end());
+    if (felt) damping[j] = s.kd;
+  }
+  return damping;
+}
+
+/// Cycles of the servo in `interval` [s]: enough for the damping that it gives.
+int cycles_of(const Robot& truth, const Drives& drives, const VectorXd& q, double interval, double rate) {
+  constexpr double resolved = 0.2, most = 2e5;  // of a time constant; [Hz]
+  const Model<> model(truth);
+  Workspace<> ws(model);
+  Eigen::MatrixXd M(truth.size(), truth.size());
+  mass_matrix(model, ws, q, M);
+  M.diagonal() += detail::rotor_inertias(truth);
+  const VectorXd mobility = M.inverse().diagonal();
+  for (Eigen::Index j = 0; j < q.size(); ++j)
+    rate = std::max(rate, drives.damping[j] * mobility[j] / resolved);
+  if (!(rate <= most))
+    throw Error("simulate: a servo's damping is too stiff beside friction with the load for its inertia");
+  return std::max(1, static_cast<int>(std::ceil(rate * interval - 1e-6)));
+}
+
 /// Servo numbers that are torques at the joint become laws of the plant.
-Robot plant_of(const Robot& truth, const std::vector<Effect>& left) {
+Robot plant_of(const Robot& truth, const std::vector<Effect>& left, const VectorXd& damping_in_servo) {
   Robot plant = truth;
   plant.effects = left;
   const std::vector<JointScale> scales = joint_scales(truth);
@@ -75,7 +109,7 @@ Robot plant_of(const Robot& truth, const std::vector<Effect>& left) {
   for (std::size_t j = 0; j < n; ++j) {
     Joint& joint = plant.joints[j];
     const Servo& s = *joint.servo;
-    joint.friction.linear.viscous += s.kd;
+    joint.friction.linear.viscous += s.kd - damping_in_servo[static_cast<Eigen::Index>(j)];
     const double width = detail::least_velocity_scale * scales[j].speed;
     const auto of_joint = [&](double x) {
       std::vector<double> all(n, 0.0);
@@ -91,11 +125,11 @@ Robot plant_of(const Robot& truth, const std::vector<Effect>& left) {
                                                 {"velocity_scale", of_joint(width)}}},
                                               truth));
     if (s.load_friction > 0.0)
-      plant.effects.push_back(complete_effect(
-          {"load_dependent_friction",
-           here,
-           {{"coefficient", of_joint(s.load_friction)}, {"velocity_scale", of_joint(width)}}},
-          truth));
+      plant.effects.push_back(
+          complete_effect({"load_dependent_friction",
+                           here,
+                           {{"coefficient", of_joint(s.load_friction)}, {"velocity_scale", of_joint(width)}}},
+                          truth));
   }
   return plant;
 }
@@ -115,6 +149,8 @@ class Channel {
   double rate_;
 };
 
+}  // namespace
+
 VectorXd encoder_steps(const Robot& robot, double step) {
   VectorXd steps(robot.size());
   const std::vector<JointScale> scales = joint_scales(robot);
@@ -124,8 +160,6 @@ VectorXd encoder_steps(const Robot& robot, double step) {
   }
   return steps;
 }
-
-}  // namespace
 
 Robot perturbed_servos(const Robot& robot, double spread, unsigned long seed) {
   Robot other = perturbed(robot, spread, seed);
@@ -149,7 +183,7 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
   ServoRun run;
   run.truth = perturbed_servos(nominal, options.spread, options.seed);
   run.truth.effects.clear();
-  Drives drives = {VectorXd::Zero(n), VectorXd::Zero(n)};
+  Drives drives = {VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n)};
   std::vector<Effect> left;
   const auto put = [&](const Effect& effect) {
     if (effect.name == "gravity_compensation") {
@@ -170,6 +204,7 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
     run.hidden.push_back(effect);
   }
   run.truth.effects = left;
+  drives.damping = damping_in_servo(run.truth, left);
 
   PlantOptions plant_options;
   plant_options.seed = options.seed;
@@ -177,7 +212,7 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
   plant_options.integration_rate = options.servo_rate;
   plant_options.measurement.encoder_resolution = options.encoder_step;
   plant_options.measurement.velocity_cutoff = options.encoder_step > 0.0 ? 20.0 : 0.0;
-  Plant plant(plant_of(run.truth, left), plant_options);
+  Plant plant(plant_of(run.truth, left, drives.damping), plant_options);
 
   // Commands at the log's rows.
   const double start = commands.t[0], duration = commands.t[commands.samples() - 1] - start;
@@ -196,7 +231,7 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
   const Model<> model(nominal);
   Workspace<> ws(model);
   const Channel channel(log.u, options.rate);
-  const int cycles = std::max(1, static_cast<int>(std::ceil(options.servo_rate / options.rate - 1e-6)));
+  const int cycles = cycles_of(run.truth, drives, log.u.row(0), 1.0 / options.rate, options.servo_rate);
   const double h = 1.0 / (options.rate * cycles);
   VectorXd filtered = log.u.row(0), tau(n), weight = VectorXd::Zero(n), travel(n);
   const std::vector<JointScale> scales = joint_scales(nominal);
@@ -211,7 +246,8 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
       filtered[j] = lag > 0.0 ? u + (filtered[j] - u) * std::exp(-h / lag) : u;
       double e = filtered[j] - s.bias - plant.seen_q()[j];
       e = std::abs(e) <= drives.half_gap[j] ? 0.0 : e - std::copysign(drives.half_gap[j], e);
-      tau[j] = std::clamp(s.kp * e, -s.torque_limit, s.torque_limit) + drives.compensation[j] * weight[j];
+      tau[j] = std::clamp(s.kp * e, -s.torque_limit, s.torque_limit) + drives.compensation[j] * weight[j] -
+               drives.damping[j] * plant.seen_dq()[j];
     }
     if (options.disturbance) options.disturbance(t, plant.seen_q(), plant.seen_dq(), tau);
     plant.step(tau, h);
@@ -244,7 +280,8 @@ ServoRun simulate_servos(const Robot& robot, const std::vector<Effect>& effects,
     else
       run.tau.row(i) = tau;
     for (int j = 0; j < n; ++j)
-      run.tau(i, j) -= run.truth.joints[static_cast<std::size_t>(j)].servo->kd * run.dq(i, j);
+      run.tau(i, j) -=
+          (run.truth.joints[static_cast<std::size_t>(j)].servo->kd - drives.damping[j]) * run.dq(i, j);
   }
   if (options.record_torque) log.tau = run.tau;
   return run;

@@ -20,9 +20,9 @@ struct SimulateServosOptions {
   /// [rad] step of the encoder that the log is read from; of a prismatic joint this part of its travel
   /// (JointScale) for 2 pi. 0: none. The default is 14 bits a turn.
   double encoder_step = 3.835e-4;
-  double noise = 0.2;           ///< standard deviation before the encoder's steps, in steps
-  double settle = 1.0;          ///< [s] at the first command, before the log begins
-  bool record_torque = false;   ///< the log has tau: what servo and damping give
+  double noise = 0.2;          ///< standard deviation before the encoder's steps, in steps
+  double settle = 1.0;         ///< [s] at the first command, before the log begins
+  bool record_torque = false;  ///< the log has tau: what servo and damping give
   /// Adds to `torque` [N m] (n) at time `t` [s] of the log and the true state: what no catalogue has. May be
   /// null.
   std::function<void(double t, const Eigen::VectorXd& q, const Eigen::VectorXd& dq, Eigen::VectorXd& torque)>
@@ -39,6 +39,9 @@ struct ServoRun {
 
 /// perturbed(), and stiffness and damping of the servos scaled each by 1 + spread times a normal number.
 Robot perturbed_servos(const Robot& robot, double spread, unsigned long seed);
+
+/// SimulateServosOptions::encoder_step of each joint [rad or m].
+Eigen::VectorXd encoder_steps(const Robot& robot, double step);
 
 /// Lets servos follow the positions of a trajectory, each command held from its row to the next, `rate` times
 /// a second.
