@@ -120,6 +120,7 @@ class ServoDiagnosis {
     };
     double gain = evidence(found.fit) - evidence(none.fit) - std::log(double(answers_.size()));
     for (const WeighedServoEffect& w : found.effects) gain -= price_of(w.effect, samples);
+    if (getenv("DBG")) fprintf(stderr, "joint %zu found %zu gain %g left %g from %g floor %g samples %g %g\n", j + 1, found.effects.size(), gain, std::sqrt(2*found.fit.loss), std::sqrt(2*none.fit.loss), p.floor, none.samples, found.samples);
     if (found.effects.empty() || gain < options_.criteria.effect_gain ||
         std::sqrt(2.0 * found.fit.loss) > options_.criteria.form_error * p.floor)
       return none;

@@ -138,7 +138,7 @@ ExportText to_mjcf(const Robot& given) {
   if (std::any_of(robot.joints.begin(), robot.joints.end(), is_servo))
     text += attribute("timestep", number(servo_timestep)) + attribute("integrator", "implicit");
   text += "/>\n  <worldbody>\n";
-  std::string indent = "    ", motors;
+  std::string indent = "    ", motors, filtered;  // MuJoCo wants actuators with a state behind those without
   std::size_t open = 0;
   const auto open_body = [&](const std::string& name, const std::string& pose) {
     text += indent + "<body" + attribute("name", name) + pose + ">\n";
@@ -151,7 +151,8 @@ ExportText to_mjcf(const Robot& given) {
     const LinkInertia body = from_standard(joint.parameters);
     open_body(joint.link_name, mjcf_pose(joint.origin));
     text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, spring_of(robot, k), out.not_expressed);
-    motors += is_servo(joint) ? mjcf_servo(joint, out.not_expressed) : mjcf_motor(joint);
+    (is_servo(joint) && joint.servo->command_time_constant > 0.0 ? filtered : motors) +=
+        is_servo(joint) ? mjcf_servo(joint, out.not_expressed) : mjcf_motor(joint);
     if (joint.servo && !is_servo(joint))
       out.not_expressed.push_back("joint '" + joint.name +
                                   "': servo, of which ratios to kp are known only: a motor stands for it");
@@ -165,7 +166,7 @@ ExportText to_mjcf(const Robot& given) {
     indent.resize(indent.size() - 2);
     text += indent + "</body>\n";
   }
-  text += "  </worldbody>\n  <actuator>\n" + motors + "  </actuator>\n</mujoco>\n";
+  text += "  </worldbody>\n  <actuator>\n" + motors + filtered + "  </actuator>\n</mujoco>\n";
   detail::list_effects_not_expressed(robot, ExportFormat::mjcf, out.not_expressed);
   return out;
 }

@@ -79,11 +79,16 @@ Eigen::MatrixXd mujoco_motion(const Robot& robot, const Log& log, const Eigen::V
   const int n = robot.size();
   std::vector<HeldCommand> commands;
   std::vector<Eigen::Index> hints(std::size_t(n), 0);
-  for (int j = 0; j < n; ++j) commands.emplace_back(log.t, log.u.col(j));
+  std::vector<int> actuators;
+  for (int j = 0; j < n; ++j) {
+    commands.emplace_back(log.t, log.u.col(j));
+    actuators.push_back(mj_name2id(m.get(), mjOBJ_ACTUATOR, robot.joints[std::size_t(j)].name.c_str()));
+  }
   for (int j = 0; j < n; ++j) {
     d->qpos[j] = log.q(0, j);
     d->qvel[j] = log.dq.size() > 0 ? log.dq(0, j) : 0.0;
-    if (m->na == n) d->act[j] = log.u(0, j);
+    if (actuators[std::size_t(j)] >= m->nu - m->na)
+      d->act[actuators[std::size_t(j)] - (m->nu - m->na)] = log.u(0, j);
   }
   const double step = m->opt.timestep;
   Eigen::MatrixXd q(log.samples(), n);
@@ -95,8 +100,8 @@ Eigen::MatrixXd mujoco_motion(const Robot& robot, const Log& log, const Eigen::V
     m->opt.timestep = span / count;
     for (int k = 0; k < count; ++k) {
       for (int j = 0; j < n; ++j)
-        d->ctrl[j] = commands[std::size_t(j)].at(log.t[i] + (k + 0.5) * span / count - delay[j],
-                                                 hints[std::size_t(j)]);
+        d->ctrl[actuators[std::size_t(j)]] = commands[std::size_t(j)].at(
+            log.t[i] + (k + 0.5) * span / count - delay[j], hints[std::size_t(j)]);
       mj_step(m.get(), d.get());
     }
   }

@@ -21,8 +21,9 @@ struct ExportText {
 ///
 /// A joint with a servo in SI units has an affine <general> actuator, which is what <position kp kv> stands
 /// for and which every version reads: kp, kd, bias, torque limit and command filter; friction that hardly
-/// gives way; and the model a short step of the implicit integrator. Its delay, Stribeck friction and
-/// friction with the load, the effects that MuJoCo has no words for, and a servo in ratios are listed.
+/// gives way; and the model a short step of the implicit integrator. Actuators have the names of their
+/// joints; those with a filter come last. Its delay, Stribeck friction and friction with the load, the
+/// effects that MuJoCo has no words for, and a servo in ratios are listed.
 ///
 /// Inertia is given along principal axes found here: MuJoCo's own are good to 1e-8 only. A base link
 /// called `world` is MuJoCo's world body. Throws Error where validate() does, and when two joints or two
