@@ -24,6 +24,9 @@ using namespace detail;
 // [nats] of nominal parameters that move within the tolerance: half of a sum of squares that some five normal
 // numbers exceed once in a hundred cases.
 constexpr double unlikely_change = 7.5;
+// Part of a gap's energy that an effect may leave where the gap is within the tolerance by its size: a rigid
+// body that is off within the tolerance leaves more beside any effect that mimics it.
+constexpr double most_left = 0.05;
 
 /// The motion error of a model on every log: N x n, log after log.
 std::vector<Eigen::MatrixXd> motion_errors(const Robot& robot, const std::vector<Log>& logs) {
@@ -108,21 +111,23 @@ class ServoDiagnosis {
   }
 
   /// What a search found on a joint that is suspected only. A rigid body that is off within the tolerance
-  /// leaves such gaps in any shape: an effect is one where it explains its own to the noise, and its evidence
-  /// is as large as for a name, times the number of joints.
+  /// leaves such gaps in any shape: an effect is one where it explains all but a twentieth, or to the noise,
+  /// and its evidence is as large as for a name, times the number of joints.
   ServoChoice convincing(std::size_t j, const ServoProblemOfJoint& p, ServoChoice found) {
     ServoChoice none = no_servo_effect(p);
     const double width = std::min(none.fit.width, found.fit.width),
-                 samples = std::min(none.samples, found.samples);
+                 samples = std::max(none.samples, found.samples);
     const auto evidence = [&](KnobFit fit) {
       fit.loss = servo_loss(p, fit.x, RowSet::fit, width);
       return log_evidence(p, fit, samples);
     };
     double gain = evidence(found.fit) - evidence(none.fit) - std::log(double(answers_.size()));
     for (const WeighedServoEffect& w : found.effects) gain -= price_of(w.effect, samples);
-    if (getenv("DBG")) fprintf(stderr, "joint %zu found %zu gain %g left %g from %g floor %g samples %g %g\n", j + 1, found.effects.size(), gain, std::sqrt(2*found.fit.loss), std::sqrt(2*none.fit.loss), p.floor, none.samples, found.samples);
+    const double floor = options_.criteria.form_error * p.floor,
+                 left = 2.0 * servo_loss(p, found.fit.x, RowSet::fit, width),
+                 was = 2.0 * servo_loss(p, none.fit.x, RowSet::fit, width);
     if (found.effects.empty() || gain < options_.criteria.effect_gain ||
-        std::sqrt(2.0 * found.fit.loss) > options_.criteria.form_error * p.floor)
+        left > std::max(floor * floor, most_left * was))
       return none;
     evidence_[j] = gain;
     return found;

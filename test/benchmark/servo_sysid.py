@@ -6,7 +6,7 @@ mean absolute open-loop position error on the motions that neither was fitted to
 
 DATA: the folder that has so101_real. FOLDER: where a virtual environment with `mujoco[sysid]` from PyPI is made, once
 (build/venv_sysid). MuJoCo fits, as its example for this arm does, armature, frictionloss, damping and stiffness of each joint, from
-the shipped model, and one transport delay, which is tried on a grid of half a sampling interval by a first short fit."""
+the shipped model, and one transport delay, chosen from --delays by a first short fit with each."""
 
 import argparse
 import csv
@@ -67,7 +67,7 @@ def without_looks(path):
     return xml.tostring(root, encoding="unicode")
 
 
-def of_mujoco(data, held_out, iterations):
+def of_mujoco(data, held_out, iterations, delays):
     """Runs in the environment."""
     import mujoco
     import mujoco.rollout
@@ -93,6 +93,13 @@ def of_mujoco(data, held_out, iterations):
         def add(name, nominal, low, high, modifier):
             out.add(sysid.Parameter(name, nominal=nominal, min_value=low, max_value=high, modifier=modifier))
 
+        def set_joint(joint, key, value):
+            now = np.asarray(getattr(joint, key), dtype=float)
+            if now.size > 1:  # newer versions have a polynomial of the speed
+                now[...] = 0.0
+                now.flat[0] = value
+            setattr(joint, key, now if now.size > 1 else value)
+
         def set_gain(s, actuator, kp):
             s.actuator(actuator).gainprm[0] = kp
             s.actuator(actuator).biasprm[1] = -kp
@@ -101,7 +108,7 @@ def of_mujoco(data, held_out, iterations):
             dof = model.jnt_dofadr[model.joint(joint).id]
             for key, initial, high in (("armature", model.dof_armature[dof], 1.0), ("damping", model.dof_damping[dof], 100.0),
                                        ("frictionloss", model.dof_frictionloss[dof], 10.0)):
-                add(f"{joint}_{key}", initial, 1e-4, high, lambda s, p, j=joint, k=key: setattr(s.joint(j), k, p.value[0]))
+                add(f"{joint}_{key}", initial, 1e-4, high, lambda s, p, j=joint, k=key: set_joint(s.joint(j), k, p.value[0]))
             actuator = model.actuator(a).name
             add(f"{joint}_kp", model.actuator_gainprm[a, 0], 1.0, 5000.0,
                 lambda s, p, n=actuator: set_gain(s, n, p.value[0]))
@@ -118,8 +125,7 @@ def of_mujoco(data, held_out, iterations):
         return float(sum(np.sum(np.square(r)) for r in residuals)), found
 
     start = time.perf_counter()
-    interval = 0.02
-    best = min((fit(k * interval / 2, 3)[0], k * interval / 2) for k in range(0, 5))[1]
+    best = delays[0] if len(delays) == 1 else min((fit(delay, 3)[0], delay) for delay in delays)[1]
     _, found = fit(best, iterations)
     seconds = time.perf_counter() - start
     fitted = sysid.apply_param_modifiers(found, spec)
@@ -148,16 +154,17 @@ def main():
     parser.add_argument("folder", type=pathlib.Path, nargs="?", default=pathlib.Path("build/venv_sysid"))
     parser.add_argument("--iterations", type=int, default=30)
     parser.add_argument("--held-out", type=int, default=27, help="motions, in the order of their names")
+    parser.add_argument("--delays", default="0,0.01,0.02,0.03,0.04", help="[s] that MuJoCo's fit chooses from")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     a = parser.parse_args()
     data = a.data / "so101_real"
     held_out = [p.stem for p in sorted(data.glob("*.csv")) if p.stem not in FITTED][:a.held_out]
     if a.inside:
-        return of_mujoco(data, held_out, a.iterations)
+        return of_mujoco(data, held_out, a.iterations, [float(x) for x in a.delays.split(",")])
     python = environment(a.folder)
     seconds, errors = of_dynid(a.program, data, held_out)
     out = subprocess.run([python, __file__, a.program, a.data, a.folder, "--iterations", str(a.iterations),
-                          "--held-out", str(a.held_out), "--inside"], check=True, stdout=subprocess.PIPE, text=True).stdout
+                          "--held-out", str(a.held_out), "--delays", a.delays, "--inside"], check=True, stdout=subprocess.PIPE, text=True).stdout
     theirs = json.loads(out.strip().splitlines()[-1])
     print(f"fitted on {', '.join(FITTED)}; mean absolute open-loop error on {len(held_out)} other motions")
     for name, time_taken, all_of in (("dynid identify --servo", seconds, errors),
