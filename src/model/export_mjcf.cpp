@@ -46,6 +46,34 @@ Spring spring_of(const Robot& robot, std::size_t k) {
 /// Has a servo in SI units, which an actuator can stand for.
 bool is_servo(const Joint& joint) { return joint.servo && joint.servo->kp > 0.0; }
 
+/// More than any joint of the robot moves [kg m^2] or, of the sliding ones, [kg].
+double most_inertia(const Robot& robot) {
+  double mass = 0.0, reach = 0.0, own = 0.0;
+  for (const Joint& joint : robot.joints) {
+    const LinkInertia body = from_standard(joint.parameters);
+    mass += std::max(0.0, body.mass);
+    reach += joint.origin.translation().norm() + body.com.norm();
+    own += std::max(0.0, body.inertia.trace());
+    if (joint.type == JointType::prismatic && bounded(joint.limits))
+      reach += std::max(std::abs(joint.limits.lower), std::abs(joint.limits.upper));
+  }
+  return std::max({mass * reach * reach + own, mass, 1e-6});
+}
+
+/// A servo of which ratios to kp are known stands alone: so it does where drive and stiffness are so large
+/// that what hangs on it does not matter.
+Joint standing_alone(Joint joint, double inertia) {
+  constexpr double heavier = 1e4;
+  Servo& s = *joint.servo;
+  joint.rotor_inertia = heavier * inertia;
+  s.kp = joint.rotor_inertia * s.natural_frequency * s.natural_frequency;
+  s.kd = 2.0 * s.damping_ratio * s.natural_frequency * joint.rotor_inertia;
+  joint.friction = {};
+  joint.friction.linear.coulomb = s.kp * s.coulomb_position;
+  s.torque_limit = s.kp * s.error_limit;
+  return joint;
+}
+
 /// kd of a servo whose torque is limited: dynid's limit is on the stiffness alone, MuJoCo's on all that an
 /// actuator gives, so the damping goes to the joint.
 double damping_of_joint(const Joint& joint) {
@@ -127,9 +155,18 @@ std::string mjcf_motor(const Joint& joint) {
 
 ExportText to_mjcf(const Robot& given) {
   validate(given);
-  const Robot robot = with_effects_entered(given);
+  Robot robot = with_effects_entered(given);
   check_names(robot);
   ExportText out;
+  const double inertia = most_inertia(robot);
+  for (Joint& joint : robot.joints) {
+    if (!joint.servo || is_servo(joint) || !(joint.servo->natural_frequency > 0.0)) continue;
+    joint = standing_alone(joint, inertia);
+    out.not_expressed.push_back(
+        "joint '" + joint.name +
+        "': servo, of which ratios to kp are known only: it moves as they say, by a drive "
+        "so strong and heavy that nothing moves it; its torques mean nothing");
+  }
   std::string& text = out.text;
   // The zero bounds and the lone inertials keep MuJoCo from making anything of its own out of the numbers.
   text = "<mujoco" + attribute("model", robot.name) + ">\n" +
@@ -153,9 +190,6 @@ ExportText to_mjcf(const Robot& given) {
     text += indent + mjcf_inertial(body) + indent + mjcf_joint(joint, spring_of(robot, k), out.not_expressed);
     (is_servo(joint) && joint.servo->command_time_constant > 0.0 ? filtered : motors) +=
         is_servo(joint) ? mjcf_servo(joint, out.not_expressed) : mjcf_motor(joint);
-    if (joint.servo && !is_servo(joint))
-      out.not_expressed.push_back("joint '" + joint.name +
-                                  "': servo, of which ratios to kp are known only: a motor stands for it");
     list_first_moments_not_expressed(joint.parameters, joint.link_name, out.not_expressed);
     constexpr double least = 1e-15;  // mjMINVAL
     list_impossible(body, joint.link_name, least, "MuJoCo", out.not_expressed);

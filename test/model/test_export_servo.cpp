@@ -166,7 +166,7 @@ TEST(ExportServo, MujocoMovesARealArmsModelAsReplayDoes) {
   Robot robot =
       identify_servos({log_of("chirp_sweep"), log_of("multisine"), log_of("friction_gravity")}, shipped)
           .robot;
-  for (Joint& joint : robot.joints) ASSERT_TRUE(joint.servo && joint.servo->kp > 0.0) << joint.name;
+  for (Joint& joint : robot.joints) ASSERT_TRUE(joint.servo) << joint.name;
   const Eigen::VectorXd delay = take_out(robot);
   for (const char* name : {"wave_motion", "large_amplitude", "coupled_joints"}) {
     const Log log = log_of(name);
