@@ -310,7 +310,8 @@ class ServoDiagnosis {
   /// Verdict, shrink, series, rollout, text.
   void finish() {
     d_.effects = found_servo_effects(nominal_, answers_, payload_, d_.rms, options_.criteria);
-    if (d_.p_value > options_.criteria.detection) d_.effects.clear();  // one joint of many is soon off by chance
+    if (d_.p_value > options_.criteria.detection)
+      d_.effects.clear();  // one joint of many is soon off by chance
     const Robot patched = patched_servos(nominal_, d_.effects);
     const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
     fill_servo_series(logs_, before_, after, judging_, d_);
