@@ -5,7 +5,9 @@
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
+#include "dynid/app/blind_servos.hpp"
 #include "dynid/app/choices.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 
 namespace dynid {
@@ -16,12 +18,15 @@ struct Arguments {
   RobotOption model;
   BlindOptions options;
   std::string calibration;  // file to write
+  bool servo = false;
 };
 
 void run(const Arguments& a) {
   BlindJob job;
   job.options = a.options;
   check_options(job);
+  if (a.servo && !a.calibration.empty())
+    throw Error("blind: --calibrate is of torque logs: a diagnosis of servo logs is not calibrated");
   a.output.check({a.calibration});
   Output silent = a.output;
   silent.quiet = true;
@@ -29,7 +34,7 @@ void run(const Arguments& a) {
   BlindReport report;
   {
     Progress progress(a.output);
-    report = run(job, progress.context());
+    report = a.servo ? run_servos(job, progress.context()) : run(job, progress.context());
   }
   if (!a.calibration.empty()) write_file(a.calibration, report.calibration());
   a.output.write(to_json(report));
@@ -54,6 +59,8 @@ void add_blind(CLI::App& app, int& status) {
       ->transform(CLI::CheckedTransformer(blind_kinds()))
       ->type_name("KIND");
   command->add_flag("--family", a->options.family, "An arm, a motion and a rate of its own for each case");
+  command->add_flag("--servo", a->servo,
+                    "Servo logs: commands and positions, no torque; each case has servos of its own");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");
   command

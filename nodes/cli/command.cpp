@@ -40,6 +40,10 @@ Log read_bag(const std::string& path, const std::vector<std::string>&, const std
              std::string*) {
   no_bags(path);
 }
+Log read_servo_bag(const std::string& path, const std::vector<std::string>&, const std::string&,
+                   const std::string&, const LogColumns&, std::string*) {
+  no_bags(path);
+}
 void write_bag(const std::string& path, const Log&, const std::vector<std::string>&, const std::string&,
                BagCompression) {
   no_bags(path);
@@ -104,6 +108,11 @@ void LogOption::add_to(CLI::App& command, bool written) {
       ->capture_default_str();
   if (!written) {
     command
+        .add_option("--command-topic", command_topic,
+                    "Topic of the commanded positions in a rosbag, which makes it a servo log: JointState, "
+                    "JointTrajectory or Float64MultiArray")
+        ->type_name("TOPIC");
+    command
         .add_option("--columns", columns,
                     "Names of a CSV log's columns that are not understood by themselves, # for the joint's "
                     "number or name: q=pos_#,dq=vel_#,tau=trq_#")
@@ -131,7 +140,9 @@ Log LogOption::read(const std::string& path, const Robot& robot, const LogColumn
     if (std::optional<Log> log = log_reader()(path, options, topic)) return *std::move(log);
   if (!is_bag(path)) return read_log(path, options);
   std::string warning;
-  Log log = read_bag(path, joint_names(robot), topic, required, &warning);
+  Log log = command_topic.empty()
+                ? read_bag(path, joint_names(robot), topic, required, &warning)
+                : read_servo_bag(path, joint_names(robot), topic, command_topic, required, &warning);
   if (!warning.empty()) std::cerr << "dynid: warning: " << warning << "\n";
   return log;
 }

@@ -47,6 +47,7 @@ struct RobotOption {
 /// Logs, as CSV or, where the path ends in `.bag`, as sensor_msgs/JointState in a rosbag: joints by name.
 struct LogOption {
   std::string topic = "/joint_states";
+  std::string command_topic;         ///< of the commanded positions in a bag; empty: none is read
   std::string columns;               ///< of a CSV log, as parse_columns() reads them
   double rate = 0.0;                 ///< [Hz] of a CSV log without time; 0: none
   std::string compression = "none";  ///< of bags written: none, bz2 or lz4

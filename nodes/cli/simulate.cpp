@@ -5,9 +5,11 @@
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
+#include "dynid/app/simulate_servos.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/effect/catalogue.hpp"
+#include "dynid/effect/servo_effects.hpp"
 
 namespace dynid {
 namespace {
@@ -17,30 +19,22 @@ struct Arguments {
   RobotOption model;
   LogOption log;
   std::string trajectory, labels, out;
-  bool excite = false, clean = false, list = false;
+  bool excite = false, clean = false, list = false, servo = false, torque = false;
   std::vector<std::string> effects;
   unsigned long seed = 1;
-  std::optional<double> noise, duration;
-  double rate = 1000.0, spread = 0.0;
+  std::optional<double> noise, duration, rate;
+  double spread = 0.0;
 };
 
 /// `--effects`.
-void list_effects(const Output& output) {
+void list_effects(const Output& output, bool servo) {
   output.check();
-  output.write(to_json(effect_schemas()));
-  if (output.summary()) print(std::cout, effect_schemas());
+  const std::vector<EffectSchema>& effects = servo ? servo_effect_schemas() : effect_schemas();
+  output.write(to_json(effects));
+  if (output.summary()) print(std::cout, effects);
 }
 
-void run(const Arguments& a) {
-  if (a.list) return list_effects(a.output);
-  SimulateJob job;
-  job.seed = a.seed;
-  job.noise = a.noise;
-  job.clean = a.clean;
-  job.rate = a.rate;
-  job.spread = a.spread;
-  if (a.duration) job.duration = *a.duration;
-  check_options(job);
+void check(const Arguments& a) {
   if (a.model.path.empty()) throw Error("simulate: --model is required");
   if (a.out.empty()) throw Error("simulate: --out is required");
   if (a.excite == !a.trajectory.empty())
@@ -48,6 +42,46 @@ void run(const Arguments& a) {
   if (a.duration && !a.excite) throw Error("simulate: --duration goes with --excite");
   if (is_bag(a.trajectory)) throw Error(a.trajectory + ": a motion to follow is a CSV file, not a bag");
   a.output.check({a.out, a.labels});
+}
+
+/// `--servo`.
+void run_servos(const Arguments& a) {
+  SimulateServosJob job;
+  job.seed = a.seed;
+  job.noise = a.noise;
+  job.clean = a.clean;
+  job.spread = a.spread;
+  job.torque = a.torque;
+  if (a.rate) job.rate = *a.rate;
+  if (a.duration) job.duration = *a.duration;
+  check_options(job);
+  check(a);
+  job.robot = a.model.read(a.output).robot;
+  job.effects = parse_servo_effects(a.effects, job.robot);
+  if (!a.trajectory.empty()) job.commands = read_trajectory(a.trajectory, job.robot.size());
+  Progress progress(a.output);
+  const SimulateServosReport report = run(job, progress.context());
+  a.log.write(a.out, report.run.log, job.robot);
+  if (!a.labels.empty()) write_file(a.labels, labels_json(report).dump(2) + "\n");
+  nlohmann::json result = to_json(report);
+  result["out"] = a.out;
+  a.output.write(result);
+  if (a.output.summary()) print(std::cout, report, a.out);
+}
+
+void run(const Arguments& a) {
+  if (a.list) return list_effects(a.output, a.servo);
+  if (a.servo) return run_servos(a);
+  SimulateJob job;
+  job.seed = a.seed;
+  job.noise = a.noise;
+  job.clean = a.clean;
+  if (a.rate) job.rate = *a.rate;
+  job.spread = a.spread;
+  if (a.duration) job.duration = *a.duration;
+  check_options(job);
+  check(a);
+  if (a.torque) throw Error("simulate: --torque goes with --servo: other logs have it anyhow");
   job.robot = a.model.read(a.output).robot;
   job.effects = parse_effects(a.effects, job.robot);
   if (!a.trajectory.empty()) job.motion = read_trajectory(a.trajectory, job.robot.size());
@@ -83,9 +117,14 @@ void add_simulate(CLI::App& app, int& status) {
       ->allow_extra_args(false)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_flag("--effects", a->list, "List the effects with their parameters, units and defaults");
+  command->add_flag(
+      "--servo", a->servo,
+      "The joints' position servos follow the motion as commands, held from row to row; the log "
+      "has t, u1.., q1.., dq1..; --effects lists those of servos");
+  command->add_flag("--torque", a->torque, "With --servo: the log has tau1.. too");
   command->add_option("--seed", a->seed, "Of everything random")->capture_default_str();
   command->add_option("--noise", a->noise, "Times the torque noise of a good robot (1; with --clean 0)");
-  command->add_option("--rate", a->rate, "Of the log [Hz]; divides 1000")->capture_default_str();
+  command->add_option("--rate", a->rate, "Of the log [Hz]; divides 1000 (1000; with --servo any, 100)");
   command->add_option("--spread", a->spread, "Of the true parameters around the model's, 0.02: 2 %")
       ->capture_default_str();
   command->add_flag("--clean", a->clean,

@@ -22,6 +22,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/base/text.hpp"
+#include "ros/command_rows.hpp"
 #include "ros/joint_state.hpp"
 
 namespace dynid {
@@ -38,20 +39,30 @@ struct Connection {
   std::string topic, type, md5sum;
 };
 
+using Types = std::map<std::string, std::string>;  // names and checksums
+
+const Types& joint_state_type() {
+  static const Types type = {
+      {ros::message_traits::DataType<JointState>::value(), ros::message_traits::MD5Sum<JointState>::value()}};
+  return type;
+}
+
 /// Which of the connections is read; the others are named where it is missing.
 class Topic {
  public:
-  Topic(const std::string& path, const std::string& name) : path_(path), name_(name) {}
+  Topic(const std::string& path, const std::string& name, const Types& types = joint_state_type())
+      : path_(path), name_(name), types_(types) {}
 
   /// Throws Error where the topic is there with another type.
   bool is(const Connection& c) {
     present_.insert(c.topic);
     if (without_slash(c.topic) != without_slash(name_)) return false;
-    using ros::message_traits::DataType;
-    using ros::message_traits::MD5Sum;
-    if (c.type != DataType<JointState>::value() ||
-        (c.md5sum != "*" && c.md5sum != MD5Sum<JointState>::value()))
-      throw Error(where() + "is " + c.type + ", not " + DataType<JointState>::value());
+    const auto type = types_.find(c.type);
+    if (type == types_.end() || (c.md5sum != "*" && c.md5sum != type->second)) {
+      std::vector<std::string> names;
+      for (const auto& [name, sum] : types_) names.push_back(name);
+      throw Error(where() + "is " + c.type + ", not " + join(names, " or "));
+    }
     return found_ = true;
   }
   /// `damage`: why the bag is not whole; empty where it is.
@@ -64,19 +75,33 @@ class Topic {
 
  private:
   std::string path_, name_;
+  const Types& types_;
   std::set<std::string> present_;
   bool found_ = false;
 };
 
-using OnMessage = std::function<void(const JointState&)>;
+/// A serialised message.
+struct RawMessage {
+  std::string type;
+  std::uint8_t* data;
+  std::size_t size;
+  std::int64_t arrival;  ///< [ns] when it was recorded
+};
+/// Throws std::runtime_error where it is damaged.
+using OnMessage = std::function<void(const RawMessage&)>;
 
-/// Calls for a serialised message; throws std::runtime_error where it is damaged.
-void deserialise(std::uint8_t* data, std::size_t size, JointState& message, const OnMessage& on_message) {
-  if (!is_joint_state(data, size)) throw std::runtime_error("a damaged message");
-  ros::serialization::IStream stream(data, static_cast<std::uint32_t>(size));
+/// Throws std::runtime_error where it is damaged.
+void deserialise(const RawMessage& raw, JointState& message) {
+  if (!is_joint_state(raw.data, raw.size)) throw std::runtime_error("a damaged message");
+  ros::serialization::IStream stream(raw.data, static_cast<std::uint32_t>(raw.size));
   ros::serialization::deserialize(stream, message);
-  on_message(message);
 }
+
+/// A topic, and who reads it.
+struct Listener {
+  Topic& topic;
+  OnMessage on_message;
+};
 
 /// The records of a bag one after the other (http://wiki.ros.org/Bags/Format/2.0), in the order in which they
 /// were written; chunks are decompressed and messages deserialised by the libraries. rosbag::View is not
@@ -85,7 +110,7 @@ void deserialise(std::uint8_t* data, std::size_t size, JointState& message, cons
 /// index is damaged it reads beyond its buffers. This ends at the first thing that is not a whole record.
 class Scan {
  public:
-  Scan(Topic& topic, const OnMessage& on_message) : topic_(topic), on_message_(on_message) {}
+  explicit Scan(std::vector<Listener> listeners) : listeners_(std::move(listeners)) {}
 
   /// What is wrong with the bag, empty where it is whole. Throws Error where the file is no bag at all.
   std::string file(const std::string& path) {
@@ -170,9 +195,15 @@ class Scan {
       } else if (op == rosbag::OP_MSG_DATA) {
         std::uint32_t id = 0;
         if (!number(fields[rosbag::CONNECTION_FIELD_NAME], id)) return false;
-        if (ours_.count(id) == 0) continue;
+        const auto ours = ours_.find(id);
+        if (ours == ours_.end()) continue;
+        std::uint32_t time[2] = {0, 0};  // [s, ns]
+        const std::string_view stamp = fields[rosbag::TIME_FIELD_NAME];
+        if (stamp.size() == sizeof time) std::memcpy(time, stamp.data(), sizeof time);
         buffer_.assign(data.begin(), data.end());
-        deserialise(buffer_.data(), buffer_.size(), message_, on_message_);
+        listeners_[ours->second.listener].on_message(
+            {ours->second.type, buffer_.data(), buffer_.size(),
+             std::int64_t(time[0]) * 1000000000 + std::int64_t(time[1])});
       } else if (op != rosbag::OP_INDEX_DATA && op != rosbag::OP_CHUNK_INFO) {
         return false;
       }
@@ -197,17 +228,21 @@ class Scan {
     const std::string name(fields[rosbag::TOPIC_FIELD_NAME]);
     Fields about;
     if (!parse(data, about)) return false;
-    if (topic_.is({name, std::string(about["type"]), std::string(about["md5sum"])})) ours_.insert(id);
+    const Connection connection = {name, std::string(about["type"]), std::string(about["md5sum"])};
+    for (std::size_t k = 0; k < listeners_.size(); ++k)
+      if (listeners_[k].topic.is(connection)) ours_[id] = {k, connection.type};
     return true;
   }
 
-  Topic& topic_;
-  const OnMessage& on_message_;
-  std::set<std::uint32_t> ours_;
+  struct Ours {
+    std::size_t listener;
+    std::string type;
+  };
+  std::vector<Listener> listeners_;
+  std::map<std::uint32_t, Ours> ours_;   // connections
   std::uint64_t index_ = 0;              // where it begins; 0 until the bag is closed
   long chunks_ = 0, chunks_listed_ = 0;  // met, and in the index
   std::vector<std::uint8_t> buffer_;
-  JointState message_;
 };
 
 /// The rows of a log, message by message.
@@ -215,7 +250,7 @@ class Rows {
  public:
   Rows(const Topic& topic, const std::vector<std::string>& joints) : where_(topic.where()), reader_(joints) {}
 
-  void add(const JointState& message) {
+  void add(const JointState& message, std::int64_t arrival) {
     ++messages_;
     for (const std::string& name : message.name)
       if (names_.size() < 20) names_.insert(name);
@@ -232,6 +267,7 @@ class Rows {
       append("effort", reader_.tau(), tau_);
       append("position", reader_.q(), q_);
       t_.push_back(stamp);
+      arrivals_.push_back(arrival);
     } catch (const Error& error) {
       throw Error(where_ + "message " + std::to_string(messages_) + ": " + error.what());
     }
@@ -241,15 +277,26 @@ class Rows {
   std::size_t messages() const { return messages_; }
   double last() const { return seconds(t_.back()); }
 
-  Log log(const std::string& path, const LogColumns& required) const {
+  /// Headers have stamps; else rows can go by arrival alone.
+  bool stamped() const { return samples() > 0 && !(first_.isZero() && t_.back() == 0); }
+  /// [ns] of the rows.
+  std::vector<std::int64_t> times(bool by_arrival) const {
+    if (by_arrival) return arrivals_;
+    std::vector<std::int64_t> out = t_;
+    for (std::int64_t& t : out) t += std::int64_t(first_.sec) * 1000000000 + std::int64_t(first_.nsec);
+    return out;
+  }
+
+  Log log(const std::string& path, const LogColumns& required, bool by_arrival = false) const {
     if (samples() == 0)
       throw Error(where_ + "has no message with joint '" + reader_.joints().front() +
                   "' or another of the robot's; there are " + (names_.empty() ? "no names" : join(names_)));
-    if (first_.isZero() && t_.back() == 0) throw Error(where_ + "has no stamps: header.stamp is 0");
+    if (!stamped() && !by_arrival) throw Error(where_ + "has no stamps: header.stamp is 0");
     Log log;
     log.source = path;
     log.t.resize(static_cast<Eigen::Index>(t_.size()));
-    for (std::size_t i = 0; i < t_.size(); ++i) log.t[static_cast<Eigen::Index>(i)] = seconds(t_[i]);
+    for (std::size_t i = 0; i < t_.size(); ++i)
+      log.t[static_cast<Eigen::Index>(i)] = seconds(by_arrival ? arrivals_[i] - arrivals_[0] : t_[i]);
     log.q = matrix(q_);
     log.dq = matrix(dq_);
     log.tau = matrix(tau_);
@@ -284,7 +331,8 @@ class Rows {
   JointStateReader reader_;
   std::size_t messages_ = 0;
   ros::Time first_;
-  std::vector<std::int64_t> t_;       // [ns] since first_
+  std::vector<std::int64_t> t_;  // [ns] since first_
+  std::vector<std::int64_t> arrivals_;
   std::vector<double> q_, dq_, tau_;  // rows one after the other
   std::set<std::string> names_;       // some of those seen
 };
@@ -308,22 +356,72 @@ class TemporaryFile {
 
 }  // namespace
 
+namespace {
+
+void check_readable(const std::string& path) {
+  if (::access(path.c_str(), R_OK) != 0) throw Error(path + ": cannot read: " + std::strerror(errno));
+}
+
+void warn_of(const std::string& path, const std::string& damage, const Rows& rows, std::string* warning) {
+  if (warning == nullptr) return;
+  warning->clear();
+  if (damage.empty()) return;
+  std::ostringstream text;
+  text << path << ": the bag is not whole (" << damage << "): " << rows.samples()
+       << " messages could be read, up to " << rows.last() << " s";
+  *warning = text.str();
+}
+
+Listener into(Rows& rows, Topic& topic) {
+  return {topic, [&rows, message = JointState()](const RawMessage& raw) mutable {
+            deserialise(raw, message);
+            rows.add(message, raw.arrival);
+          }};
+}
+
+}  // namespace
+
 Log read_bag(const std::string& path, const std::vector<std::string>& joints, const std::string& topic,
              const LogColumns& required, std::string* warning) {
-  if (::access(path.c_str(), R_OK) != 0) throw Error(path + ": cannot read: " + std::strerror(errno));
-  if (warning != nullptr) warning->clear();
+  check_readable(path);
   Topic wanted(path, topic);
   Rows rows(wanted, joints);
-  const OnMessage add = [&rows](const JointState& message) { rows.add(message); };
-  const std::string damage = Scan(wanted, add).file(path);
+  const std::string damage = Scan({into(rows, wanted)}).file(path);
   if (rows.messages() == 0) wanted.nothing(damage);
   Log log = rows.log(path, required);
-  if (!damage.empty() && warning != nullptr) {
-    std::ostringstream text;
-    text << path << ": the bag is not whole (" << damage << "): " << rows.samples()
-         << " messages could be read, up to " << rows.last() << " s";
-    *warning = text.str();
-  }
+  warn_of(path, damage, rows, warning);
+  return log;
+}
+
+Log read_servo_bag(const std::string& path, const std::vector<std::string>& joints, const std::string& topic,
+                   const std::string& command_topic, const LogColumns& required, std::string* warning) {
+  check_readable(path);
+  if (without_slash(topic) == without_slash(command_topic))
+    throw Error(path + ": topic " + topic + " cannot be both what is commanded and what is measured");
+  Topic states(path, topic), commanded(path, command_topic, CommandRows::types());
+  Rows rows(states, joints);
+  CommandRows commands(joints);
+  const auto command = [&](const RawMessage& raw) {
+    try {
+      commands.add(raw.type, raw.data, raw.size, raw.arrival);
+    } catch (const Error& error) {
+      throw Error(commanded.where() + error.what());
+    }
+  };
+  const std::string damage = Scan({into(rows, states), {commanded, command}}).file(path);
+  if (rows.messages() == 0) states.nothing(damage);
+  if (commands.messages() == 0) commanded.nothing(damage);
+  const bool by_arrival = !rows.stamped() || !commands.stamped();
+  Log log = rows.log(path, required, by_arrival);
+  Eigen::Index unheard = 0;
+  log.u = commands.at(rows.times(by_arrival), by_arrival, unheard);
+  const Eigen::Index left = log.samples() - unheard;
+  if (left < 2) throw Error(commanded.where() + "says nothing before the joint states end");
+  // Rows before the first command have none.
+  log.t = (log.t.tail(left).array() - log.t[unheard]).eval();
+  for (Eigen::MatrixXd* m : {&log.q, &log.dq, &log.tau, &log.u})
+    if (m->size() > 0) *m = m->bottomRows(left).eval();
+  warn_of(path, damage, rows, warning);
   return log;
 }
 

@@ -26,6 +26,15 @@ Log read_bag(const std::string& path, const std::vector<std::string>& joints,
              const std::string& topic = "/joint_states", const LogColumns& required = {},
              std::string* warning = nullptr);
 
+/// The same with commanded positions u of `command_topic`: a sensor_msgs/JointState or
+/// trajectory_msgs/JointTrajectory (joints by name) or a std_msgs/Float64MultiArray (in the robot's order).
+/// In each row the latest command that there was (see CommandRows); rows before the first command are left
+/// out. Where headers of either topic have no stamps, both go by the time at which they were recorded. Throws
+/// Error as read_bag(), and naming the command topic alike.
+Log read_servo_bag(const std::string& path, const std::vector<std::string>& joints, const std::string& topic,
+                   const std::string& command_topic, const LogColumns& required = {},
+                   std::string* warning = nullptr);
+
 /// Writes messages to a bag, stamped as they are, whole or not at all. Throws Error naming the path.
 void write_bag(const std::string& path, const std::vector<sensor_msgs::JointState>& messages,
                const std::string& topic = "/joint_states", BagCompression compression = BagCompression::none);

@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "app/serialise.hpp"
+#include "dynid/app/servo.hpp"
 #include "dynid/app/text.hpp"
 #include "dynid/app/uncertainty.hpp"
 #include "dynid/base/error.hpp"
@@ -35,9 +36,10 @@ Robot read_nominal(const IdentificationSettings& s, bool tell) {
   return robot;
 }
 
-/// A bag, or CSV.
+/// A bag, or CSV; with commands and without torques where servos are identified.
 Log read_any_log(const IdentificationSettings& s, const std::string& path, const Robot& robot,
                  const Context& context) {
+  const LogColumns required = s.command_topic.empty() ? LogColumns() : servo_columns();
   context.report("reading " + path, 0.0);
   std::vector<std::string> names;
   for (const Joint& joint : robot.joints) names.push_back(joint.name);
@@ -47,10 +49,13 @@ Log read_any_log(const IdentificationSettings& s, const std::string& path, const
     options.joint_names = names;
     if (!s.columns.empty()) options.columns = parse_columns(s.columns);
     options.rate = s.log_rate;
+    options.required = required;
     return read_log(path, options);
   }
   std::string warning;
-  Log log = read_bag(path, names, s.topic, {}, &warning);
+  Log log = s.command_topic.empty()
+                ? read_bag(path, names, s.topic, required, &warning)
+                : read_servo_bag(path, names, s.topic, s.command_topic, required, &warning);
   if (!warning.empty()) std::cerr << "identification_node: warning: " << warning << "\n";
   return log;
 }
@@ -100,6 +105,30 @@ std::string diagnose_line(const IdentificationSettings& s, const std::string& lo
   return command.line();
 }
 
+/// The servos alone: nothing in it is for an estimator of torques to adopt.
+nlohmann::json identify_servo_log(const IdentificationSettings& s, const std::string& log,
+                                  const Context& context, std::ostream* summary) {
+  const std::string model = file_in_folder(s, "identified.yaml"),
+                    json = file_in_folder(s, "identification.json");
+  IdentifyServosJob job;
+  job.robot = read_nominal(s, summary != nullptr);
+  job.logs = {read_any_log(s, log, *job.robot, context)};
+  const IdentifyServosReport report = run(job, context);
+  const nlohmann::json identification = to_json(report);
+  write_model(model, report.model());
+  write_json(json, identification);
+  if (summary != nullptr) {
+    print(*summary, report);
+    *summary << "Model written to " << model << "\n";
+  }
+  nlohmann::json result = {{"log", log},      {"retrieval", nullptr}, {"diagnosis", nullptr},
+                           {"adoptable", ""}, {"misread", ""},        {"identification", identification},
+                           {"status", 0}};
+  result["files"] = {{"model", model}, {"identification", json}};
+  write_json(file_in_folder(s, "result.json"), result);
+  return result;
+}
+
 }  // namespace
 
 std::string misread_text(const ConventionReport& report) {
@@ -139,6 +168,7 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
   if (!fs::exists(log)) throw Error(log + ": there is no such file");
   const auto path = [&](const char* name) { return file_in_folder(settings, name); };
   make_folder(settings);
+  if (!settings.command_topic.empty()) return identify_servo_log(settings, log, context, summary);
   nlohmann::json result = {{"log", log}, {"retrieval", nullptr}, {"diagnosis", nullptr}};
   nlohmann::json& files = result["files"];
   PipelineJob job = job_of(settings, log, context, summary != nullptr);

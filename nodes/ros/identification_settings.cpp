@@ -91,6 +91,7 @@ IdentificationSettings identification_settings(const std::map<std::string, std::
     in.read("allow_inconsistent", s.allow_inconsistent);
     in.read("output_directory", s.folder);
     in.read("topic", s.topic);
+    in.read("command_topic", s.command_topic);
     read_log_options(in, s);
     read_identify(in, s);
     read_retrieve(in, s);

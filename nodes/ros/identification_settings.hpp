@@ -18,7 +18,9 @@ struct IdentificationSettings {
   std::string model, base, tip;  ///< the model in use; links, for a URDF that branches
   bool allow_inconsistent = false;
   std::string folder = "identification";
-  std::string topic = "/joint_states";     ///< of logs that are bags
+  std::string topic = "/joint_states";  ///< of logs that are bags
+  /// Of the commanded positions in logs that are bags: servos are identified from them. Empty: none is read.
+  std::string command_topic;
   std::string columns;                     ///< of logs that are CSV, as --columns
   double log_rate = 0.0;                   ///< [Hz] of a CSV log without time; 0: it has time
   std::optional<Eigen::Vector3d> gravity;  ///< [m/s^2] in the base frame: how the arm is mounted

@@ -1,39 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/app/blind.hpp"
 
-#include <filesystem>
 #include <optional>
 
 #include "app/check.hpp"
 #include "app/job.hpp"
+#include "app/temporary_folder.hpp"
 #include "dynid/app/choices.hpp"
-#include "dynid/base/error.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 
 namespace dynid {
-namespace {
-
-namespace fs = std::filesystem;
-
-/// A folder that goes with it, however the job ends.
-class TemporaryFolder {
- public:
-  TemporaryFolder() : path_((fs::temp_directory_path() / "dynid-blind-XXXXXX").string()) {
-    if (mkdtemp(path_.data()) == nullptr) throw Error(path_ + ": cannot be made");
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
-}  // namespace
 
 void check_options(const BlindJob& job) { detail::check_positive("cases", job.options.cases); }
 
@@ -45,7 +21,7 @@ BlindReport run(const BlindJob& job, const Context& context) {
     progress.tell("case " + std::to_string(done) + " of " + std::to_string(of), double(done) / of);
   };
   options.stop = context.stop;
-  std::optional<TemporaryFolder> temporary;
+  std::optional<detail::TemporaryFolder> temporary;
   if (options.folder.empty()) options.folder = temporary.emplace().path();
   BlindReport report;
   report.cases = run_blind(job.nominal, options);

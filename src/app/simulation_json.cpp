@@ -57,6 +57,7 @@ nlohmann::json to_json(const std::vector<EffectSchema>& effects) {
                             {"default", p.initial},
                             {"required", p.required()},
                             {"form", p.form}});
+      if (find_effect_schema(schema.name) == nullptr) continue;  // of servos: drawn by their bank
       for (const EffectDraw& draw : effect_draws(schema.name))
         if (draw.key == p.key) {
           parameters.back()["drawn_from"] = draw.low;

@@ -21,6 +21,13 @@ namespace {
 
 using namespace detail;
 
+// [nats] of nominal parameters that move within the tolerance: half of a sum of squares that some five normal
+// numbers exceed once in a hundred cases.
+constexpr double unlikely_change = 7.5;
+// Part of a gap's energy that an effect may leave where the gap is within the tolerance by its size: a rigid
+// body that is off within the tolerance leaves more beside any effect that mimics it.
+constexpr double most_left = 0.05;
+
 /// The motion error of a model on every log: N x n, log after log.
 std::vector<Eigen::MatrixXd> motion_errors(const Robot& robot, const std::vector<Log>& logs) {
   std::vector<Eigen::MatrixXd> out(logs.size());
@@ -52,7 +59,10 @@ class ServoDiagnosis {
       std::vector<ServoProblemOfJoint> problems;
       for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
       measure_servo_gap(logs_, before_, problems, d_);
-      if (d_.p_value <= options_.criteria.detection) seek(body);
+      suspect();
+      if (d_.p_value <= options_.criteria.detection ||
+          std::count(suspected_.begin(), suspected_.end(), 1) > 0)
+        seek(body);
       finish();
     } else {
       const auto n = static_cast<Eigen::Index>(nominal_.joints.size());
@@ -83,6 +93,57 @@ class ServoDiagnosis {
     return std::any_of(d_.where.begin(), d_.where.end(), [&](const GapCell& cell) {
       return cell.joint == static_cast<int>(joint) + 1 && cell.p_value <= options_.criteria.detection;
     });
+  }
+
+  /// A gap smaller than what errors within the tolerance may make is none of theirs where it has not their
+  /// shape: joints that are not off by the size of it, but whose motion the nominal parameters, moved within
+  /// the tolerance, do not follow to the noise, or only far from where they are said to be.
+  void suspect() {
+    suspected_.assign(answers_.size(), 0);
+    evidence_.assign(answers_.size(), 0.0);
+    tbb::parallel_for(std::size_t{0}, answers_.size(), [&](std::size_t j) {
+      const ServoProblemOfJoint p = searched(j);
+      if (off(j) || !p.scale.moves) return;
+      const ServoChoice none = no_servo_effect(p);
+      suspected_[j] = std::sqrt(2.0 * none.fit.loss) > options_.criteria.form_error * p.floor ||
+                      none.fit.penalty > options_.criteria.effect_gain + unlikely_change;
+    });
+  }
+
+  /// What a search found on a joint that is suspected only. A rigid body that is off within the tolerance
+  /// leaves such gaps in any shape: an effect is one where it explains all but a twentieth, or to the noise,
+  /// and its evidence is as large as for a name, times the number of joints.
+  ServoChoice convincing(std::size_t j, const ServoProblemOfJoint& p, ServoChoice found) {
+    ServoChoice none = no_servo_effect(p);
+    const double width = std::min(none.fit.width, found.fit.width),
+                 samples = std::max(none.samples, found.samples);
+    const auto evidence = [&](KnobFit fit) {
+      fit.loss = servo_loss(p, fit.x, RowSet::fit, width);
+      return log_evidence(p, fit, samples);
+    };
+    double gain = evidence(found.fit) - evidence(none.fit) - std::log(double(answers_.size()));
+    for (const WeighedServoEffect& w : found.effects) gain -= price_of(w.effect, samples);
+    const double floor = options_.criteria.form_error * p.floor,
+                 left = 2.0 * servo_loss(p, found.fit.x, RowSet::fit, width),
+                 was = 2.0 * servo_loss(p, none.fit.x, RowSet::fit, width);
+    if (found.effects.empty() || gain < options_.criteria.effect_gain ||
+        left > std::max(floor * floor, most_left * was))
+      return none;
+    evidence_[j] = gain;
+    return found;
+  }
+
+  /// Joints whose gap shows in an effect, not in its size.
+  void detect_suspected() {
+    for (std::size_t j = 0; j < answers_.size(); ++j) {
+      if (!suspected_[j] || answers_[j].effects.empty()) continue;
+      const double p = std::exp(-evidence_[j]);
+      d_.p_value = std::min(d_.p_value, p);
+      for (GapCell& cell : d_.where)
+        if (cell.joint == static_cast<int>(j) + 1) cell.p_value = std::min(cell.p_value, p);
+    }
+    if (payload_.present) d_.p_value = std::min(d_.p_value, 1.0 - payload_.probability);
+    d_.structure_p_value = d_.p_value;
   }
 
   /// Noise of each joint's position; of one that never moves that of the others, which have such encoders.
@@ -128,7 +189,11 @@ class ServoDiagnosis {
           for (std::size_t j = range.begin(); j != range.end(); ++j) {
             ServoProblemOfJoint p = searched(j);
             if (loads != nullptr && payload.present) loads->add(payload, static_cast<int>(j), p);
-            out[j] = off(j) ? search_servo(p, options_.withhold, options_.criteria) : no_servo_effect(p);
+            if (!off(j) && !suspected_[j])
+              out[j] = no_servo_effect(p);
+            else
+              out[j] = search_servo(p, options_.withhold, options_.criteria);
+            if (!off(j) && suspected_[j]) out[j] = convincing(j, p, std::move(out[j]));
             const std::lock_guard<std::mutex> lock(mutex);
             ++done;
             say("seeking effects", from + (to - from) * double(done) / double(n));
@@ -155,6 +220,7 @@ class ServoDiagnosis {
     tbb::parallel_for(std::size_t{0}, answers_.size(),
                       [&](std::size_t j) { judge_servo(answers_[j], options_.criteria); });
     if (payload_.present) refine_payload(*loads);
+    detect_suspected();
   }
 
   /// The payload once more, beside what was found, on every row and in the finer steps of the judge.
@@ -244,6 +310,8 @@ class ServoDiagnosis {
   /// Verdict, shrink, series, rollout, text.
   void finish() {
     d_.effects = found_servo_effects(nominal_, answers_, payload_, d_.rms, options_.criteria);
+    if (d_.p_value > options_.criteria.detection)
+      d_.effects.clear();  // one joint of many is soon off by chance
     const Robot patched = patched_servos(nominal_, d_.effects);
     const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
     fill_servo_series(logs_, before_, after, judging_, d_);
@@ -268,6 +336,8 @@ class ServoDiagnosis {
   std::vector<double> floors_;
   std::vector<Eigen::MatrixXd> before_;
   ServoPayload payload_;
+  std::vector<char> suspected_;
+  std::vector<double> evidence_;  // [nats] of what was found on a suspected joint
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "dynid/dynamics/joint_scale.hpp"
 #include "identification/servo_run.hpp"
@@ -94,14 +95,15 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     return sum;
   };
   // Of the residuals by the payload, joint by joint: rows x 4, in parts of `size`.
-  const auto slopes = [&](const ServoPayload& payload, const std::vector<std::vector<double>>& r) {
+  const auto slopes = [&](const ServoPayload& payload, const std::vector<KnobFit>& knobs,
+                          const std::vector<std::vector<double>>& r) {
     std::vector<Eigen::MatrixXd> J;
     for (const std::vector<double>& of_joint : r) J.emplace_back(of_joint.size(), 4);
     for (int k = 0; k < 4; ++k) {
       ServoPayload other = payload;
       other.value[k] += probe * size[k];
       if (other.value[0] <= 0.0) other.value[0] = probe * size[0];
-      const std::vector<std::vector<double>> moved = residuals(other, fits);
+      const std::vector<std::vector<double>> moved = residuals(other, knobs);
       for (std::size_t j = 0; j < r.size(); ++j) J[j].col(k) = (column(r[j]) - column(moved[j])) / probe;
     }
     return J;
@@ -113,19 +115,59 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
     for (const double e : r) energy += std::min(e * e, width * width);
     return samples[j] / count / (energy / count + joints[j].floor * joints[j].floor);
   };
-  const double before = evidence(residuals({}, fits));
-  std::vector<std::vector<double>> r = residuals(out, fits);
-  double now = evidence(r);
+  // Of the residuals by the nominal parameters that stand beside a payload, joint by joint, each by one
+  // standard deviation; and where they stand, in those.
+  constexpr Knob beside[] = {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain};
+  constexpr Eigen::Index others = std::size(beside);
+  const auto deviation = [&](std::size_t j, Knob k) {
+    return joints[j].tolerance * std::abs(joints[j].nominal[at(k)]);
+  };
+  const auto nominal_slopes = [&](const ServoPayload& payload, const std::vector<KnobFit>& knobs,
+                                  const std::vector<std::vector<double>>& r) {
+    std::vector<Eigen::MatrixXd> J;
+    for (const std::vector<double>& of_joint : r) J.emplace_back(of_joint.size(), others);
+    for (Eigen::Index k = 0; k < others; ++k) {
+      std::vector<KnobFit> shifted = knobs;
+      for (std::size_t j = 0; j < joints.size(); ++j) shifted[j].x[at(beside[k])] += deviation(j, beside[k]);
+      const std::vector<std::vector<double>> moved = residuals(payload, shifted);
+      for (std::size_t j = 0; j < r.size(); ++j) J[j].col(k) = column(r[j]) - column(moved[j]);
+    }
+    return J;
+  };
+  const auto standing = [&](std::size_t j, const KnobFit& fit) {
+    Eigen::VectorXd z = Eigen::VectorXd::Zero(others);
+    for (Eigen::Index k = 0; k < others; ++k)
+      if (const double one = deviation(j, beside[k]); one > 0.0)
+        z[k] = (fit.x[at(beside[k])] - joints[j].nominal[at(beside[k])]) / one;
+    return z;
+  };
+  const auto penalty = [&](const std::vector<KnobFit>& knobs) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < joints.size(); ++j) sum += 0.5 * standing(j, knobs[j]).squaredNorm();
+    return sum;
+  };
+  const double before = evidence(residuals({}, fits)) - penalty(fits);
+  std::vector<KnobFit> knobs = fits;
+  std::vector<std::vector<double>> r = residuals(out, knobs);
+  double now = evidence(r) - penalty(knobs);
+  // A payload and the nominal's own errors in one step: by turns each would keep what the other took.
   for (int step = 0; step < most_steps; ++step) {
     Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
     Eigen::Vector4d b = Eigen::Vector4d::Zero();
-    const std::vector<Eigen::MatrixXd> J = slopes(out, r);
+    const std::vector<Eigen::MatrixXd> J = slopes(out, knobs, r), N = nominal_slopes(out, knobs, r);
+    std::vector<Eigen::MatrixXd> cross(joints.size()), own(joints.size());
+    std::vector<Eigen::VectorXd> right(joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j) {
       if (r[j].empty()) continue;
       const Eigen::VectorXd robust =
           weight_of(j, r[j]) * (fits[j].width / column(r[j]).cwiseAbs().array().max(fits[j].width)).matrix();
-      A += J[j].transpose() * robust.asDiagonal() * J[j];
-      b += J[j].transpose() * robust.cwiseProduct(column(r[j]));
+      own[j] = N[j].transpose() * robust.asDiagonal() * N[j];
+      own[j].diagonal().array() += 1.0;
+      cross[j] = J[j].transpose() * robust.asDiagonal() * N[j];
+      right[j] = N[j].transpose() * robust.cwiseProduct(column(r[j])) - standing(j, knobs[j]);
+      const Eigen::MatrixXd eliminated = own[j].ldlt().solve(cross[j].transpose());
+      A += J[j].transpose() * robust.asDiagonal() * J[j] - cross[j] * eliminated;
+      b += J[j].transpose() * robust.cwiseProduct(column(r[j])) - eliminated.transpose() * right[j];
     }
     A.diagonal().array() += 1e-6 * A.diagonal().maxCoeff() + 1e-300;
     const Eigen::Vector4d change = A.ldlt().solve(b);
@@ -134,11 +176,21 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
       ServoPayload next = out;
       next.value += part * change.cwiseProduct(size);
       next.value[0] = std::max(next.value[0], probe * size[0]);
-      const auto there = residuals(next, fits);
-      const double value = evidence(there);
+      std::vector<KnobFit> there_knobs = knobs;
+      for (std::size_t j = 0; j < joints.size(); ++j) {
+        if (r[j].empty()) continue;
+        const Eigen::VectorXd z = own[j].ldlt().solve(right[j] - cross[j].transpose() * change);
+        for (Eigen::Index k = 0; k < others; ++k) {
+          double& x = there_knobs[j].x[at(beside[k])];
+          if (const double moved = x + part * z[k] * deviation(j, beside[k]); moved > 0.0) x = moved;
+        }
+      }
+      const auto there = residuals(next, there_knobs);
+      const double value = evidence(there) - penalty(there_knobs);
       if (value > now) {
         better = value > now + 1e-3;
         out.value = next.value;
+        knobs = there_knobs;
         r = there;
         now = value;
         if (!better) break;
@@ -148,22 +200,13 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   }
   // What a payload of other values does, less what the nominal's own errors would make of it, joint by joint.
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
-  const std::vector<Eigen::MatrixXd> of_payload = slopes(out, r);
-  std::vector<std::vector<std::vector<double>>> nominal_off;
-  for (const Knob knob : {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain}) {
-    std::vector<KnobFit> shifted = fits;
-    for (std::size_t j = 0; j < joints.size(); ++j)
-      shifted[j].x[at(knob)] += joints[j].tolerance * std::abs(joints[j].nominal[at(knob)]);
-    nominal_off.push_back(residuals(out, shifted));
-  }
+  const std::vector<Eigen::MatrixXd> of_payload = slopes(out, knobs, r),
+                                     nominal_off = nominal_slopes(out, knobs, r);
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (r[j].empty()) continue;
     const auto rows = static_cast<Eigen::Index>(r[j].size());
-    const Eigen::Index others = static_cast<Eigen::Index>(nominal_off.size());
     Eigen::MatrixXd J(rows, 4 + others);
-    J.leftCols<4>() = of_payload[j];
-    for (Eigen::Index k = 0; k < others; ++k)  // of one standard deviation
-      J.col(4 + k) = column(r[j]) - column(nominal_off[std::size_t(k)][j]);
+    J << of_payload[j], nominal_off[j];
     Eigen::MatrixXd H = weight_of(j, r[j]) * J.transpose() * J;
     H.bottomRightCorner(others, others).diagonal().array() += 1.0;
     information += H.topLeftCorner<4, 4>() -

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynid/effect/complete.hpp"
+#include "effect/parse_parameters.hpp"
 
 namespace dynid {
 namespace {
@@ -37,11 +38,10 @@ std::vector<std::string_view> split(std::string_view text, char at) {
 
 }  // namespace
 
-Effect parse_effect(const std::string& text, const Robot& robot) {
+Effect detail::parse_parameters(const EffectSchema& schema, const std::string& text, const Robot& robot) {
   const std::size_t colon = text.find(':');
   Effect effect;
-  effect.name = text.substr(0, colon);
-  const EffectSchema& schema = effect_schema(effect.name);
+  effect.name = schema.name;
   std::map<std::string, std::vector<double>> given;
   if (colon != std::string::npos) {
     for (const std::string_view item : split(std::string_view(text).substr(colon + 1), ',')) {
@@ -86,7 +86,12 @@ Effect parse_effect(const std::string& text, const Robot& robot) {
       all[static_cast<std::size_t>(effect.joints[k] - 1)] = values.size() == 1 ? values[0] : values[k];
   }
   if (as_given.empty() && schema.scope == EffectScope::link) effect.joints.clear();  // `link` may say which
-  return complete_effect(effect, robot);
+  return effect;
+}
+
+Effect parse_effect(const std::string& text, const Robot& robot) {
+  return complete_effect(detail::parse_parameters(effect_schema(text.substr(0, text.find(':'))), text, robot),
+                         robot);
 }
 
 }  // namespace dynid
