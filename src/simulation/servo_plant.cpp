@@ -59,6 +59,9 @@ Robot over_stiffness(Robot robot) {
     s.kd = 2.0 * s.damping_ratio / s.natural_frequency;
     joint.friction.linear.coulomb = s.coulomb_position;
     s.torque_limit = s.error_limit;
+    const Servo none;
+    s.natural_frequency = none.natural_frequency, s.damping_ratio = none.damping_ratio;
+    s.coulomb_position = none.coulomb_position, s.error_limit = none.error_limit;
   }
   return robot;
 }
