@@ -5,7 +5,6 @@
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
-#include "dynid/app/blind_servos.hpp"
 #include "dynid/app/choices.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"

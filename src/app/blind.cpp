@@ -8,12 +8,13 @@
 #include "app/temporary_folder.hpp"
 #include "dynid/app/choices.hpp"
 #include "dynid/diagnosis/calibration.hpp"
+#include "dynid/diagnosis/servo_blind.hpp"
 
 namespace dynid {
+namespace {
 
-void check_options(const BlindJob& job) { detail::check_positive("cases", job.options.cases); }
-
-BlindReport run(const BlindJob& job, const Context& context) {
+template <class Bank>
+BlindReport run_bank(const BlindJob& job, const Context& context, const Bank& bank) {
   check_options(job);
   detail::JobProgress progress(context);
   BlindOptions options = job.options;
@@ -24,11 +25,26 @@ BlindReport run(const BlindJob& job, const Context& context) {
   std::optional<detail::TemporaryFolder> temporary;
   if (options.folder.empty()) options.folder = temporary.emplace().path();
   BlindReport report;
-  report.cases = run_blind(job.nominal, options);
+  report.cases = bank(job.nominal, options);
   context.check();
   report.score = score(report.cases);
   report.options = job.options;
   return report;
+}
+
+}  // namespace
+
+void check_options(const BlindJob& job) { detail::check_positive("cases", job.options.cases); }
+
+BlindReport run(const BlindJob& job, const Context& context) {
+  return run_bank(job, context,
+                  [](const Robot& robot, const BlindOptions& options) { return run_blind(robot, options); });
+}
+
+BlindReport run_servos(const BlindJob& job, const Context& context) {
+  return run_bank(job, context, [](const Robot& robot, const BlindOptions& options) {
+    return run_servo_blind(robot, options);
+  });
 }
 
 std::string BlindReport::calibration() const {

@@ -14,6 +14,7 @@
 
 #include "app/serialise.hpp"
 #include "app/small_problems.hpp"
+#include "dynid/app/uncertainty.hpp"
 #include "dynid/base/file.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/model/yaml.hpp"
@@ -74,7 +75,8 @@ TEST_F(Program, SaysWhatTheUseCasesSay) {
   EXPECT_EQ(plain(json_of("identify --cutoff 10 --robot " + panda_ + " --log " + path("log.csv") + " --out " +
                           path("m.yaml"))),
             plain(to_json(identified)));
-  EXPECT_EQ(read_file(path("m.yaml")), to_yaml(identified.model()));
+  EXPECT_EQ(read_file(path("m.yaml")),
+            to_yaml(identified.model(), uncertainty_of(identify, identified).uncertainty));
 
   const FrictionReport friction = run(FrictionJob{panda, panda_, {log}, identify.options, ""});
   EXPECT_EQ(

@@ -32,5 +32,7 @@ void check_options(const BlindJob& job);
 /// Allocates; on all cores. Throws OptionError, Error as run_blind(), Stopped once the cases under way have
 /// ended.
 BlindReport run(const BlindJob& job, const Context& context = {});
+/// The same on servo logs: run_servo_blind().
+BlindReport run_servos(const BlindJob& job, const Context& context = {});
 
 }  // namespace dynid
