@@ -2,10 +2,12 @@
 #include "dynid/app/retrieve.hpp"
 
 #include <iostream>
+#include <optional>
 
 #include "cli/command.hpp"
 #include "cli/commands.hpp"
 #include "dynid/base/error.hpp"
+#include "dynid/model/uncertainty.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/retrieval/mpi.hpp"
 
@@ -57,7 +59,10 @@ int run(const Arguments& a) {
   if (!first) return status;
 
   const bool written = report.succeeded() && !a.out.empty();
-  if (written) write_model(a.out, report.model());
+  // The coefficients stay what they were, and so does what their residual strays by.
+  if (written)
+    write_model(a.out, report.model(),
+                a.logs.empty() && !a.model.path.empty() ? read_uncertainty(a.model.path) : std::nullopt);
   output.write(to_json(report));
   if (!output.summary()) return status;
   print(std::cout, report);
