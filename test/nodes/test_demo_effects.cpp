@@ -49,7 +49,7 @@ std::string argument(const EffectSchema& schema) {
 /// What the launch file says, and its exit status; in the master that the test was started with.
 std::string launch(const std::string& arguments, int& status) {
   const std::string command =
-      "roslaunch dynid demo.launch headless:=true retrieve:=false rest:=0.4 "
+      "roslaunch dynid demo.launch headless:=true retrieve:=false false_alarms_per_hour:=0 rest:=0.4 "
       "push_duration:=0.6 approach_velocity:=1 " +
       arguments + " 2>&1";
   std::string story;
