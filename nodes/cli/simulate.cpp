@@ -44,6 +44,17 @@ void check(const Arguments& a) {
   a.output.check({a.out, a.labels});
 }
 
+/// The log, its labels, JSON and summary.
+template <class Report>
+void write(const Arguments& a, const Robot& robot, const Report& report) {
+  a.log.write(a.out, report.run.log, robot);
+  if (!a.labels.empty()) write_file(a.labels, labels_json(report).dump(2) + "\n");
+  nlohmann::json result = to_json(report);
+  result["out"] = a.out;
+  a.output.write(result);
+  if (a.output.summary()) print(std::cout, report, a.out);
+}
+
 /// `--servo`.
 void run_servos(const Arguments& a) {
   SimulateServosJob job;
@@ -61,12 +72,7 @@ void run_servos(const Arguments& a) {
   if (!a.trajectory.empty()) job.commands = read_trajectory(a.trajectory, job.robot.size());
   Progress progress(a.output);
   const SimulateServosReport report = run(job, progress.context());
-  a.log.write(a.out, report.run.log, job.robot);
-  if (!a.labels.empty()) write_file(a.labels, labels_json(report).dump(2) + "\n");
-  nlohmann::json result = to_json(report);
-  result["out"] = a.out;
-  a.output.write(result);
-  if (a.output.summary()) print(std::cout, report, a.out);
+  write(a, job.robot, report);
 }
 
 void run(const Arguments& a) {
@@ -88,12 +94,7 @@ void run(const Arguments& a) {
   Progress progress(a.output);
   const SimulateReport report = run(job, progress.context());
 
-  a.log.write(a.out, report.run.log, job.robot);
-  if (!a.labels.empty()) write_file(a.labels, labels_json(report).dump(2) + "\n");
-  nlohmann::json result = to_json(report);
-  result["out"] = a.out;
-  a.output.write(result);
-  if (a.output.summary()) print(std::cout, report, a.out);
+  write(a, job.robot, report);
 }
 
 }  // namespace

@@ -206,9 +206,7 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
     result["diagnosis"] = to_json(report);
     if (const auto patch = report.patch()) {
       files["patched"] = path("patched.yaml");
-      DiagnoseJob diagnosed = *job.diagnose;
-      diagnosed.nominal = job.robot, diagnosed.logs = {job.log};
-      write_model(path("patched.yaml"), *patch, uncertainty_of(diagnosed, report).uncertainty);
+      write_model(path("patched.yaml"), *patch);  // its only log fitted it: none shows how far it strays
     }
     write_file(
         path("report.html"),

@@ -104,7 +104,7 @@ nlohmann::json to_json(const SimulateServosReport& report) {
 
 void print(std::ostream& out, const SimulateServosReport& report, const std::string& written_to) {
   out << report.run.log.samples() << " samples of the servos of " << report.robot << " along "
-      << report.commands << " written to " << written_to << "\n  mean |u - q| [rad]  "
+      << report.commands << " written to " << written_to << "\n  mean |u - q| [rad or m]  "
       << in_a_row(report.tracking_error, 3) << "\n";
   for (const Effect& e : report.run.hidden) {
     out << "  " << e.name << " on joints";

@@ -7,8 +7,8 @@
 
 #include "app/check.hpp"
 #include "app/job.hpp"
+#include "dynid/app/learn_uncertainty.hpp"
 #include "dynid/base/error.hpp"
-#include "dynid/identification/uncertainty.hpp"
 
 namespace dynid {
 namespace {

@@ -74,15 +74,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       if (logs_of_case > 1) pair.push_back(read_log((folder / "log_b.csv").string(), model.size()));
       const Diagnosis d = diagnose(model, pair, diagnose_options);
       here.withheld = withhold;
-      here.verdict = d.verdict;
-      here.p_value = d.p_value;
-      here.explained = d.explained;
-      here.found = d.effects;
-      here.considered = d.considered;
-      for (const RankedEffect& r : d.ranking) here.ranking.emplace_back(r.name, r.probability);
-      here.shrink = d.shrink.fraction;
-      here.nominal_error = d.nominal_error;
-      here.seconds = d.seconds;
+      detail::set_answer(d, here);
       if (!others.empty()) {  // what could have been had, now that the diagnosis is done
         diagnose_options.withhold = others;
         here.true_shrink = diagnose(model, pair, diagnose_options).shrink.fraction;

@@ -323,4 +323,16 @@ std::map<std::string, std::string> drawn(const Stage& stage) {
           {"logs", std::to_string(stage.run.logs)}};
 }
 
+void set_answer(const Diagnosis& diagnosis, BlindCase& out) {
+  out.verdict = diagnosis.verdict;
+  out.p_value = diagnosis.p_value;
+  out.explained = diagnosis.explained;
+  out.found = diagnosis.effects;
+  out.considered = diagnosis.considered;
+  for (const RankedEffect& r : diagnosis.ranking) out.ranking.emplace_back(r.name, r.probability);
+  out.shrink = diagnosis.shrink.fraction;
+  out.nominal_error = diagnosis.nominal_error;
+  out.seconds = diagnosis.seconds;
+}
+
 }  // namespace dynid::detail

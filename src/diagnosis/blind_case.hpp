@@ -41,6 +41,8 @@ Draw draw_case(const Stage& stage, const BlindOptions& options, int index, int a
 std::vector<double> record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder);
 /// The truth in the words of the diagnosis: a payload's centre of mass in the last link's frame.
 nlohmann::json label_json(const Stage& stage, const Draw& draw, const std::vector<double>& shares);
+/// Puts what the diagnosis said into the case.
+void set_answer(const Diagnosis& diagnosis, BlindCase& out);
 /// The library without the effects that were put in; nothing where they are not all of it.
 std::vector<std::string> all_but(const Stage& stage, const Draw& draw);
 /// What was drawn besides, for a person: nothing outside the family.

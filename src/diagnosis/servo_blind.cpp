@@ -316,15 +316,7 @@ void play(const Robot& nominal, const BlindOptions& options, int index, const fs
                                       {read_log((folder / "log_a.csv").string(), model.size(), columns),
                                        read_log((folder / "log_b.csv").string(), model.size(), columns)},
                                       diagnose);
-  here.verdict = d.verdict;
-  here.p_value = d.p_value;
-  here.explained = d.explained;
-  here.found = d.effects;
-  here.considered = d.considered;
-  for (const RankedEffect& r : d.ranking) here.ranking.emplace_back(r.name, r.probability);
-  here.shrink = d.shrink.fraction;
-  here.nominal_error = d.nominal_error;
-  here.seconds = d.seconds;
+  detail::set_answer(d, here);
 }
 
 }  // namespace

@@ -21,13 +21,6 @@ namespace {
 
 using namespace detail;
 
-// [nats] of nominal parameters that move within the tolerance: half of a sum of squares that some five normal
-// numbers exceed once in a hundred cases.
-constexpr double unlikely_change = 7.5;
-// Part of a gap's energy that an effect may leave where the gap is within the tolerance by its size: a rigid
-// body that is off within the tolerance leaves more beside any effect that mimics it.
-constexpr double most_left = 0.05;
-
 /// The motion error of a model on every log: N x n, log after log.
 std::vector<Eigen::MatrixXd> motion_errors(const Robot& robot, const std::vector<Log>& logs) {
   std::vector<Eigen::MatrixXd> out(logs.size());
@@ -106,7 +99,7 @@ class ServoDiagnosis {
       if (off(j) || !p.scale.moves) return;
       const ServoChoice none = no_servo_effect(p);
       suspected_[j] = std::sqrt(2.0 * none.fit.loss) > options_.criteria.form_error * p.floor ||
-                      none.fit.penalty > options_.criteria.effect_gain + unlikely_change;
+                      none.fit.penalty > options_.criteria.effect_gain + options_.criteria.unlikely_change;
     });
   }
 
@@ -127,7 +120,7 @@ class ServoDiagnosis {
                  left = 2.0 * servo_loss(p, found.fit.x, RowSet::fit, width),
                  was = 2.0 * servo_loss(p, none.fit.x, RowSet::fit, width);
     if (found.effects.empty() || gain < options_.criteria.effect_gain ||
-        left > std::max(floor * floor, most_left * was))
+        left > std::max(floor * floor, options_.criteria.most_left * was))
       return none;
     evidence_[j] = gain;
     return found;

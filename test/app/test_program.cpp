@@ -100,7 +100,7 @@ TEST_F(Program, SaysWhatTheUseCasesSay) {
   EXPECT_EQ(plain(json_of("retrieve --runs 1 --steps 2 --model " + path("m.yaml") + " --bounds " + bounds_ +
                           " --out " + path("f.yaml"))),
             plain(to_json(retrieved)));
-  EXPECT_EQ(read_file(path("f.yaml")), to_yaml(retrieved.model()));
+  EXPECT_EQ(read_file(path("f.yaml")), to_yaml(retrieved.model(), read_uncertainty(path("m.yaml"))));
 
   DiagnoseJob diagnose;
   diagnose.nominal = panda;

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "dynamics/chains.hpp"
+#include "dynid/app/learn_uncertainty.hpp"
 #include "dynid/dynamics/dynamics.hpp"
 #include "dynid/estimation/torque_estimator.hpp"
-#include "dynid/identification/uncertainty.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
 

@@ -39,6 +39,13 @@ struct ServoCriteria {
   double least_shrink = 0.65;
   /// ... and what is left is below this many times noise and tolerance, or the shrink is this large.
   double left_over = 4.0, fully_explained = 0.9;
+  /// [nats] of nominal parameters that move within the tolerance, from which on a gap within it by size is
+  /// searched all the same: half of a sum of squares that some five normal numbers exceed once in a hundred
+  /// cases.
+  double unlikely_change = 7.5;
+  /// Part of such a gap's energy that an effect may leave: a rigid body that is off within the tolerance
+  /// leaves more beside any effect that mimics it.
+  double most_left = 0.05;
   int most_effects = 5;  ///< on one joint: what five parameters do not explain, a sixth seldom does
   /// Rows that effects are sought in, of all logs together; the final fit is on all.
   int searched_rows = 4000;

@@ -54,7 +54,8 @@ struct Contact {
 ///
 /// While there is contact, a force at the contact_point of each link is fitted to the residual, drawn towards
 /// the size that makes such a statistic there, and the link is the one whose marginal likelihood, averaged
-/// over 0.2 s, is largest: the Jacobian's pattern decides, a joint beyond the pushed link speaks against it.
+/// over the contact (half a second at most) and joined to the link's extent, is largest: the Jacobian's
+/// pattern decides, a joint beyond the pushed link speaks against it.
 ///
 /// The constructor and make_tuning() throw and allocate; nothing else does.
 template <int N = Eigen::Dynamic>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "dynid/identification/uncertainty.hpp"
+#include "dynid/app/learn_uncertainty.hpp"
 
 #include <tbb/parallel_for.h>
 
