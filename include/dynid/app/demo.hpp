@@ -46,7 +46,7 @@ struct DemoReport {
   /// A feasible model was found, and the runs could be judged.
   bool succeeded() const { return retrieval.succeeded() && diagnosis.succeeded(); }
   ModelFile model() const;  ///< what was identified, to write
-  Table torques() const;    ///< t, tau1.., tauf1..
+  Table torques() const;    ///< columns t, tau and tauf of every joint
   /// The page: see to_html(). `command` is what makes it again, `version` the program's.
   std::string html(const std::string& command, const std::string& version) const;
 };
