@@ -19,9 +19,9 @@ struct ExportText {
 /// springref (the effect joint_spring), one motor for each joint, limited where its torque is, the tip as a
 /// site, gravity, all in SI units and rad.
 ///
-/// A joint with a servo in SI units has an affine `general` actuator, which is what `position` with kp and kv stands
-/// for and which every version reads: kp, kd, bias, torque limit and command filter; friction that hardly
-/// gives way; and the model a short step of the implicit integrator. Actuators have the names of their
+/// A joint with a servo in SI units has an affine `general` actuator, which is what `position` with kp and kv
+/// stands for and which every version reads: kp, kd, bias, torque limit and command filter; friction that
+/// hardly gives way; and the model a short step of the implicit integrator. Actuators have the names of their
 /// joints; those with a filter come last. Its delay, Stribeck friction and friction with the load, the
 /// effects that MuJoCo has no words for, and a servo in ratios are listed.
 ///
