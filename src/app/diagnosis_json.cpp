@@ -70,6 +70,15 @@ nlohmann::json judgement_json(const Diagnosis& d) {
   return judgement;
 }
 
+/// All that was weighed, named or not.
+nlohmann::json considered_json(const Diagnosis& d) {
+  nlohmann::json considered = nlohmann::json::array();
+  for (const ConsideredEffect& e : d.considered)
+    considered.push_back(
+        {{"name", e.name}, {"joints", e.joints}, {"probability", e.probability}, {"share", e.share}});
+  return considered;
+}
+
 nlohmann::json gap_json(const Diagnosis& d) {
   return {{"rms", to_json(d.rms)},
           {"floor", to_json(d.floor)},
@@ -170,6 +179,7 @@ nlohmann::json to_json(const DiagnoseReport& report) {
           {"verdict", to_string(d.verdict)},
           {"effects", effects_json(d)},
           {"ranking", ranking_json(d)},
+          {"considered", considered_json(d)},
           {"judgement", judgement_json(d)},
           {"shrink", shrink_json(d)},
           {"next_experiment", next_json(d.next)},

@@ -54,6 +54,17 @@ void print(std::ostream& out, const DiagnoseReport& report) {
     if (const std::string place = detail::payload_place(report.nominal, e.effect); !place.empty())
       out << "    " << place << "\n";
   }
+  if (d.effects.empty()) {  // what was weighed, and what stopped it
+    for (const ConsideredEffect& e : d.considered) {
+      out << "  weighed: " << e.name << " on joint" << (e.joints.size() > 1 ? "s" : "");
+      for (const int j : e.joints) out << " " << j;
+      out << ": probability " << e.probability << ", share " << e.share << "\n";
+    }
+    if (!d.considered.empty())
+      for (const Judgement& j : d.judgement)
+        if (!j.passed)
+          out << "  not met: " << j.text << " (" << j.value << ", threshold " << j.threshold << ")\n";
+  }
   if (!d.effects.empty())
     out << "  the gap shrinks by " << 100.0 * d.shrink.fraction << " % (" << 100.0 * d.shrink.low << " to "
         << 100.0 * d.shrink.high << " %) on data not used\n";

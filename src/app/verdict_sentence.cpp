@@ -7,6 +7,20 @@
 #include "report_words.hpp"
 
 namespace dynid {
+namespace {
+
+/// What comes nearest where nothing is named, and why it is not.
+std::string nearest(const Diagnosis& d) {
+  const auto most = std::max_element(
+      d.ranking.begin(), d.ranking.end(),
+      [](const RankedEffect& a, const RankedEffect& b) { return a.explained < b.explained; });
+  if (most == d.ranking.end() || !(most->explained > 0.0)) return ".";
+  return ". Nearest comes " + with_spaces(most->name) + ", which alone takes " +
+         detail::page_percent(most->explained) + " of it, with a probability of " +
+         detail::page_number(most->probability) + ".";
+}
+
+}  // namespace
 
 std::string verdict_sentence(const Diagnosis& d) {
   std::vector<std::string> causes;
@@ -45,7 +59,7 @@ std::string verdict_sentence(const Diagnosis& d) {
              " part of the gap: " + shrink +
              " of it goes away on data that took no part; the rest is none of the known effects.";
     case Verdict::unexplained:
-      return "There is a gap, and none of the known effects explains it.";
+      return "There is a gap, and none of the known effects explains it" + nearest(d);
     case Verdict::misread: {
       std::vector<std::string> texts;
       for (const Convention& c : d.conventions.conventions) texts.push_back(c.text);

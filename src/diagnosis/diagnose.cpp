@@ -139,7 +139,7 @@ const char* to_string(Verdict verdict) {
   return "data_invalid";
 }
 
-Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const DiagnoseOptions& options) {
+Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const DiagnoseOptions& options) {
   const auto began = std::chrono::steady_clock::now();
   const auto seconds = [&] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
@@ -147,7 +147,9 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   const Say say = [&](const char* stage, double fraction) {
     if (options.progress) options.progress(stage, fraction);
   };
-  check(nominal, logs);
+  check(given, logs);
+  // What the model says of effects is part of its torque: what is sought is what it does not say.
+  const Robot nominal = with_effects_entered(given, Entering::everything);
   Diagnosis out;
   say("checking the data", 0.0);
   if (options.reading != Reading::trust) out.conventions = find_conventions(nominal, logs);
@@ -242,7 +244,8 @@ Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const Dia
   put_series(nominal, everything, judged_on, judged, names, out);
   if (options.replay) {
     say("replaying the motion", 0.97);
-    out.rollout = roll_out(nominal, out.effects, everything, judged_on.split.to_judge);
+    out.rollout =
+        roll_out(everything.motions().front().robot(), out.effects, everything, judged_on.split.to_judge);
     out.next = next_experiment(nominal, out);
   }
   out.seconds = seconds();

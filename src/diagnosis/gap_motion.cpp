@@ -60,6 +60,7 @@ GapMotion::GapMotion(const GapMotion& of, Eigen::Index first, Eigen::Index count
       speed(of.speed.middleRows(first, count)),
       tau(of.tau.middleRows(first, count)),
       nominal(of.nominal.middleRows(first, count)),
+      known(of.known.size() > 0 ? Eigen::MatrixXd(of.known.middleRows(first, count)) : Eigen::MatrixXd()),
       rigid(of.rigid.middleRows(first, count)),
       robot_(of.robot_),
       model_(of.model_) {}

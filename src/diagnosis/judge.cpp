@@ -68,7 +68,7 @@ class Judge {
   /// one joint is an answer there, however large the gap is on others.
   bool is_nothing(const Judged& out, std::size_t k) const {
     if (out.shares[k] >= criteria_.least_share) return false;
-    if (out.shares[k] < criteria_.no_share) return true;
+    if (out.shares[k] < 0.1 * criteria_.least_share) return true;
     const Eigen::ArrayXd own = rms(own_contribution(out.model, k)).array(),
                          gap = rms(choice_.rows.y).array().max(criteria_.left_over * noise_.array());
     return (own / gap).square().maxCoeff() < criteria_.least_share;
@@ -77,7 +77,12 @@ class Judge {
   /// Weighs what is left, all of it together, and names of it what is more likely there than not, itself or
   /// what is as good in its place.
   void weigh(Judged& out) const {
-    const Ranked all = rank(choice_, out.model, out.shares, noise_, calibration(options_));
+    Ranked all = rank(choice_, out.model, out.shares, noise_, calibration(options_));
+    for (std::size_t k = 0; all.better && k < out.model.effects.size(); ++k) {
+      out.model = *std::move(all.better);
+      measure(out);
+      all = rank(choice_, out.model, out.shares, noise_, calibration(options_));
+    }
     out.ranked.ranking = all.ranking;
     std::vector<Adopted> likely;
     for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
@@ -128,11 +133,12 @@ class Judge {
           "chance that a gap unrelated to the motion is explained as well by any effect");
       return without_effects;
     }
-    const bool enough = out.explained >= criteria_.least_shrink;
+    // What the nominal's errors and the noise can make asks for no effect.
+    const bool left = unexplained(model.fit.residual, model.kappa),
+               enough = out.explained >= criteria_.least_shrink || !left;
     say(out, "least_explained", out.explained, criteria_.least_shrink, enough,
         "part of the gap that the effects explain, where they were fitted and where they were not");
     if (!enough) return without_effects;
-    const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,
         left ? "what is left is above the noise" : "what is left is within the noise");

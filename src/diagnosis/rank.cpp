@@ -28,8 +28,12 @@ double explained_alone(const Choice& choice, const GapModel& model, const Eigen:
 
 struct Candidate {
   double score, explained;
-  double left;  // energy, in units of the floor
+  double left;                      // energy, in units of the floor
+  double cost = 0.0;                // of the effects
+  const GapModel* model = nullptr;  // among `others`; null: nothing there
 };
+
+double cost_of(const GapModel& model) { return model.fit.total - model.score; }
 
 /// Scores in the place of one effect; "" is nothing there.
 std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel& base, const FormError& form,
@@ -42,7 +46,8 @@ std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel
   std::map<std::string, Candidate> out = {{"", {score(base), 0.0, left(base)}}};
   others = choice.search.alternatives(base, 8);
   for (const GapModel& m : others) {
-    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m)};
+    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m), cost_of(m),
+                         &m};
     Candidate& best = out.emplace(m.effects.back().h->name(), here).first->second;
     if (here.score > best.score) best = here;
   }
@@ -83,7 +88,8 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
              std::vector<double>(count),
              std::vector<std::vector<std::string>>(count),
              {},
-             grounds_of(choice, model, shares, floor)};
+             grounds_of(choice, model, shares, floor),
+             {}};
   std::map<std::string, RankedEffect> ranking;
   for (const std::string& name : choice.search.names()) ranking[name].name = name;
   // `certain` is of the candidate on top; the others share what is left of it as their scores say.
@@ -107,32 +113,33 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     const double own = model.score - model.fit.total +
                        evidence_with_form(choice.rows, model.fit, form.size, form.innovation);
     all.erase(mine);
-    // What is as good shares the probability; what is not is what it is measured against.
-    const double indistinct = choice.criteria().indistinct;
-    double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0;
-    for (const auto& [name, c] : all) {
-      if (!name.empty() && std::abs(c.score - own) <= indistinct)
-        alike += std::exp((c.score - own) / by.temperature);
-      else if (c.score > best)
-        best = c.score, left = c.left;
-    }
-    const double mine_left = energy(model.fit.residual, floor),
+    // What is as good shares the probability; what is not is what it is measured against. As good is what
+    // the evidence does not tell from it, and what leaves no more than its own form can be blamed for: of
+    // that the price alone counts.
+    const double indistinct = choice.criteria().indistinct, mine_left = energy(model.fit.residual, floor),
                  size = energy(own_contribution(model, k), floor) + 1e-300;
+    double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0, least_behind = 0.0;
+    for (const auto& [name, c] : all) {
+      double behind = (own - c.score) / by.temperature;
+      bool as_good = false;
+      if (c.model != nullptr) {
+        const double part = form_of(choice.criteria(), *c.model->effects.back().h);
+        const bool by_form = c.left - mine_left < part * part * size;
+        if (by_form) behind = std::min(behind, std::max(0.0, (c.cost - cost_of(model)) / by.temperature));
+        as_good = by_form || std::abs(behind) <= indistinct;
+      }
+      if (as_good) {
+        alike += std::exp(-std::max(behind, -indistinct));
+        out.aliases[k].push_back(name);
+        if (behind < least_behind) least_behind = behind, out.better = *c.model;
+      } else if (c.score > best) {
+        best = c.score, left = c.left;
+      }
+    }
     out.grounds[k][Ground::evidence] = std::asinh(own - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
     out.together[k] = by.probability(mine, out.grounds[k]);
     out.probability[k] = out.together[k] / alike;
-    const double form_part = form_of(choice.criteria(), *model.effects[k].h);
-    for (const GapModel& m : others) {
-      const Hypothesis& h = *m.effects.back().h;
-      std::vector<std::string>& aliases = out.aliases[k];
-      // As good a fit, or what the forms of the two can be blamed for.
-      const double part = std::max(form_part, form_of(choice.criteria(), h));
-      const bool as_good = m.fit.total > model.fit.total - indistinct ||
-                           energy(m.fit.residual, floor) - mine_left < part * part * size;
-      if (h.name() != mine && as_good && std::find(aliases.begin(), aliases.end(), h.name()) == aliases.end())
-        aliases.push_back(h.name());
-    }
     if (k != order.front()) continue;
     all[mine] = {own, explained_alone(choice, choice.search.evaluate({model.effects[k]}, model.kappa), floor),
                  mine_left};

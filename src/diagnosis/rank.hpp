@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,8 @@ struct Ranked {
   /// Of every effect of the library: to be the first; most probable first.
   std::vector<RankedEffect> ranking;
   std::vector<Grounds> grounds;  ///< of each effect of the set
+  /// The set with one of its effects given up for another that is as good there and more probable.
+  std::optional<GapModel> better;
 };
 
 /// Compares, for each effect of the set, the set with it, with every other effect in its place, and with

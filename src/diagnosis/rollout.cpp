@@ -109,9 +109,16 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
              here.end());
   const Robot with = patched(nominal, here);
   Replay replays[2] = {Replay(nominal), Replay(with)};
-  std::vector<Eigen::MatrixXd> added(motions.size());
-  for (const Start& s : starts)
-    if (added[s.motion].size() == 0) added[s.motion] = effect_torque(with, motions[s.motion]);
+  // What a replay takes off the measured torque: what the nominal's own effects add, then with those found.
+  std::vector<Eigen::MatrixXd> added[2] = {std::vector<Eigen::MatrixXd>(motions.size()),
+                                           std::vector<Eigen::MatrixXd>(motions.size())};
+  for (const Start& s : starts) {
+    const GapMotion& m = motions[s.motion];
+    if (added[1][s.motion].size() > 0) continue;
+    added[0][s.motion] =
+        m.known.size() > 0 ? m.known : Eigen::MatrixXd(Eigen::MatrixXd::Zero(m.samples(), n));
+    added[1][s.motion] = added[0][s.motion] + effect_torque(with, m);
+  }
 
   Rollout out;
   out.log = log;
@@ -139,10 +146,8 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
         for (int s = 0; s < sub; ++s) {
           const double part = (s + 0.5) / sub;
           tau = ((1.0 - part) * m.tau.row(first + i) + part * m.tau.row(first + i + 1)).transpose();
-          if (which == 1)
-            tau -= ((1.0 - part) * added[starts[k].motion].row(first + i) +
-                    part * added[starts[k].motion].row(first + i + 1))
-                       .transpose();
+          const Eigen::MatrixXd& off = added[which][starts[k].motion];
+          tau -= ((1.0 - part) * off.row(first + i) + part * off.row(first + i + 1)).transpose();
           replays[which].step(q, v, tau, 1.0 / (m.rate * sub));
         }
         replayed[which].push_back(q.transpose());

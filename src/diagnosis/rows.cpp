@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "alike.hpp"
+#include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/friction/friction.hpp"
 
 namespace dynid::detail {
@@ -47,7 +48,9 @@ void GapRows::add(Motions& motions, Stretches& stretches, GapMotion motion, cons
   motions.push_back(std::move(motion));
 }
 
-GapRows::GapRows(const Robot& nominal, std::vector<PreparedLog>& logs) {
+GapRows::GapRows(const Robot& given, std::vector<PreparedLog>& logs) {
+  Robot nominal = given;
+  nominal.effects.clear();
   Motions motions;
   Stretches stretches;
   parts.push_back(0);
@@ -60,6 +63,10 @@ GapRows::GapRows(const Robot& nominal, std::vector<PreparedLog>& logs) {
           std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::floor(rate / (2.5 * cutoff))));
       GapMotion motion(nominal, std::move(segment), start);
       motion.worked = worked;
+      if (!given.effects.empty()) {
+        motion.known = effect_torque(given, motion);
+        motion.nominal += motion.known;
+      }
       worked += (motion.speed.colwise().squaredNorm() / rate).transpose();
       add(motions, stretches, std::move(motion),
           DecimatingFilter(ZeroPhaseButterworth(cutoff, rate).half_kernel(), factor),

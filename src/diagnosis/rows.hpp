@@ -36,7 +36,7 @@ struct RowWindow {
 /// zero-phase filter and decimated to 2.5 times its cut-off (GAP: one filter for all).
 class GapRows {
  public:
-  /// Takes the logs' segments.
+  /// Takes the logs' segments. The effects of the nominal model are part of its torque.
   GapRows(const Robot& nominal, std::vector<PreparedLog>& logs);
   /// Windows of all rows of logs, each a motion of its own: effects are then computed there alone.
   GapRows(const GapRows& whole, const std::vector<RowWindow>& windows);

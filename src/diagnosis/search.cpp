@@ -173,11 +173,12 @@ bool Search::matters(const GapModel& model, const GapModel& next) const {
   const auto energy = [&](const Eigen::MatrixXd& x) -> Eigen::RowVectorXd {
     return x(where, Eigen::all).colwise().squaredNorm();
   };
-  Eigen::RowVectorXd part = Eigen::RowVectorXd::Constant(by_.rows.joints(), by_.criteria.least_part_of_exact);
+  const double exact = by_.criteria.form_of_exact, approximate = by_.criteria.form_of_approximate;
+  Eigen::RowVectorXd part = Eigen::RowVectorXd::Constant(by_.rows.joints(), exact * exact);
   for (const Adopted& e : model.effects)
     for (const UnitShape& u : e.units)
       if (e.h->approximate() && e.h->scope() != Scope::window)
-        for (const int j : u.block->channels) part[j] = by_.criteria.least_part;
+        for (const int j : u.block->channels) part[j] = approximate * approximate;
   const Eigen::RowVectorXd gained = energy(model.fit.left) - energy(next.fit.left);
   const Eigen::RowVectorXd gap = energy(by_.rows.y), noise = energy(next.fit.residual);
   return !(gained.array() < part.array() * gap.array() ||

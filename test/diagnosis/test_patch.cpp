@@ -70,6 +70,37 @@ TEST(Patch, PredictsTheTorquesOfAnotherLog) {
   EXPECT_LT(rms_error(better, log), 0.03 * rms_error(nominal, log));
 }
 
+// Law: what a model says of effects is part of its torque, whether they are in its parameters (payload), or
+// beside them (spring, ripple): against such a robot it has no gap, and what it does not say is found beside.
+TEST(Patch, LeavesNoGap) {
+  const std::vector<std::string> named = {"payload:mass=1.5,com=0.02:0:0.06,radius=0.05",
+                                          "joint_spring:joints=2,stiffness=12,rest=0.2",
+                                          "torque_ripple:joints=4,amplitude=2,order=5,phase=0.3"};
+  std::vector<FoundEffect> effects = found(panda());
+  effects.erase(effects.begin());
+  effects.emplace_back();
+  effects.back().effect = {"torque_ripple",
+                           {4},
+                           {{"amplitude", {0, 0, 0, 2, 0, 0, 0}},
+                            {"order", {0, 0, 0, 5, 0, 0, 0}},
+                            {"phase", {0, 0, 0, 0.3, 0, 0, 0}}}};
+  const Robot better = patched(panda(), effects);
+  const auto logs = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), named.begin(), named.end());
+    return std::vector<Log>{logged(panda(), more, 17), logged(panda(), more, 18)};
+  };
+  const Diagnosis whole = diagnose(better, logs({}));
+  EXPECT_EQ(whole.verdict, Verdict::no_gap) << to_string(whole.verdict);
+  EXPECT_TRUE(whole.effects.empty());
+  EXPECT_LT(whole.rollout.before[1], 2e-2) << "the replay takes the named effects off";
+
+  const Diagnosis one = diagnose(better, logs({"viscous_friction:joints=2+4,coefficient=2.5:3"}));
+  ASSERT_EQ(one.effects.size(), 1u) << to_string(one.verdict);
+  EXPECT_EQ(one.effects[0].effect.name, "viscous_friction");
+  EXPECT_NEAR(one.effects[0].effect.parameters.at("coefficient")[1], 2.5, 0.1);
+  EXPECT_LT(one.rollout.after[1], 0.2 * one.rollout.before[1]);
+}
+
 // Law: what an effect adds to a channel that is late is as late.
 TEST(Patch, WhatOtherEffectsAddIsAsLate) {
   const Robot nominal = panda();

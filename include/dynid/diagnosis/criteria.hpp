@@ -22,12 +22,14 @@ struct Criteria {
   // --------------------------------------------------------------------------------------- what may be named
   /// Form error of an approximate effect, and of an exact one, in parts of its torque: what a Stribeck curve
   /// leaves of a LuGre joint, or a smoothed sign of a real reversal, is as large. It is added to the variance
-  /// that a further effect is judged by.
+  /// that a further effect is judged by, and a further effect has to explain more than its energy, of a
+  /// joint's gap.
   double form_of_approximate = 0.2, form_of_exact = 0.03;
   /// An effect is named where it is more likely than not, and `explained` is said where all are.
   double least_probability = 0.5;
   /// `explained` is said where the gap shrinks by this part, on data that neither chose nor fitted anything;
-  /// a set that explains less is no answer: the gap is unexplained.
+  /// a set that explains less, and leaves more than noise and the nominal's errors, is no answer: the gap is
+  /// unexplained.
   double least_shrink = 0.65;
   /// Where the gap is within the tolerance, an effect is named only where it is this probable: nothing that
   /// was weighed in the healthy cases of the calibration's banks came above 0.7.
@@ -36,10 +38,8 @@ struct Criteria {
   double at_rest = 3.0;
   /// A share below this, of the explained gap and of every joint's own, is none: what forms, filters and the
   /// errors of the nominal leave beside a large effect is as large, and a hundredth of the gap is no answer
-  /// to which knob to turn.
+  /// to which knob to turn. Below a tenth of it, of the explained gap, it is none on any joint.
   double least_share = 0.01;
-  /// And below this of the explained gap it is none on any joint: a tenth of that.
-  double no_share = 0.001;
 
   // ------------------------------------------------------------------------------------------ which effects
   /// Log evidence that a further effect has to bring beyond its price: odds of e^10 before the calibration's
@@ -49,16 +49,14 @@ struct Criteria {
   double joint_gain = 6.0;
   /// Weight of an effect's prior: rows are not as independent as the evidence takes them to be.
   double prior_weight = 4.0;
-  /// Part of a joint's gap that a further effect has to explain beside effects of approximate form there,
-  /// whose form error leaves about a fifth of their torque, and beside exact ones.
-  double least_part = 0.04, least_part_of_exact = 0.001;
-  /// And part of what is left of that joint's gap.
+  /// Part of what is left of a joint's gap that a further effect has to explain.
   double least_gain = 0.25;
   /// Part of the gap that a delay has to explain for the search to begin again with it, the change of that
   /// delay that is one, in parts of the time between rows, and the log evidence that the set found with it
   /// has to bring.
   double least_of_delay = 0.02, same_delay = 0.025, least_better = 1.0;
-  /// Log evidence within which two effects are not told apart: e^-4 to one is one in fifty.
+  /// Log evidence, over the calibration's temperature, within which two effects are not told apart: e^-4 to
+  /// one is one in fifty.
   double indistinct = 4.0;
 
   // ----------------------------------------------------------------------------------------- long logs

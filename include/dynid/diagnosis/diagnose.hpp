@@ -151,7 +151,8 @@ struct Diagnosis {
 
 /// Tells where the gap between a nominal model and logs of the real robot lies, which effects make it, and
 /// how far it shrinks with them. With several logs the last is held out from choosing and fitting; of one
-/// log, every other block. Throws Error on logs that do not fit the robot.
+/// log, every other block. The nominal model's own effects are part of its torque: what is found is beside
+/// them. Throws Error on logs that do not fit the robot.
 Diagnosis diagnose(const Robot& nominal, const std::vector<Log>& logs, const DiagnoseOptions& options = {});
 
 /// The nominal model with the effects in it: in its own parameters where it has a place for them, in

@@ -30,6 +30,7 @@ class GapMotion {
   Eigen::MatrixXd speed;    ///< N x n [rad/s], in a wider band where the segment has it: for friction
   Eigen::MatrixXd tau;      ///< N x n [N m], as measured
   Eigen::MatrixXd nominal;  ///< N x n [N m], the whole nominal model
+  Eigen::MatrixXd known;    ///< N x n [N m], of that the effects the model names; empty: it names none
   Eigen::MatrixXd rigid;    ///< N x n [N m], without friction
   Eigen::VectorXd worked;   ///< n [rad^2/s]: integral of the squared speed from the log's start to here
 
