@@ -133,12 +133,11 @@ class Judge {
           "chance that a gap unrelated to the motion is explained as well by any effect");
       return without_effects;
     }
-    // What the nominal's errors and the noise can make asks for no effect.
-    const bool left = unexplained(model.fit.residual, model.kappa),
-               enough = out.explained >= criteria_.least_shrink || !left;
+    const bool enough = out.explained >= criteria_.least_shrink;
     say(out, "least_explained", out.explained, criteria_.least_shrink, enough,
         "part of the gap that the effects explain, where they were fitted and where they were not");
     if (!enough) return without_effects;
+    const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,
         left ? "what is left is above the noise" : "what is left is within the noise");

@@ -28,8 +28,7 @@ struct Criteria {
   /// An effect is named where it is more likely than not, and `explained` is said where all are.
   double least_probability = 0.5;
   /// `explained` is said where the gap shrinks by this part, on data that neither chose nor fitted anything;
-  /// a set that explains less, and leaves more than noise and the nominal's errors, is no answer: the gap is
-  /// unexplained.
+  /// a set that explains less is no answer: the gap is unexplained.
   double least_shrink = 0.65;
   /// Where the gap is within the tolerance, an effect is named only where it is this probable: nothing that
   /// was weighed in the healthy cases of the calibration's banks came above 0.7.
