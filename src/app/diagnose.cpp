@@ -11,8 +11,10 @@
 #include "dynid/app/servo_diagnosis.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
+#include "dynid/diagnosis/effect_prediction.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/diagnosis/servo_diagnose.hpp"
+#include "dynid/effect/enter.hpp"
 #include "dynid/identification/identify.hpp"
 #include "dynid/identification/servo.hpp"
 #include "dynid/model/model_warning.hpp"
@@ -136,6 +138,9 @@ DiagnoseReport run(const DiagnoseJob& job, const Context& context) {
     identify_options.progress = [&progress](const std::string& stage, double fraction) {
       progress("healthy log: " + stage, fraction);
     };
+    // The healthy robot has the effects that its model names: what is identified is the rest.
+    report.nominal = with_effects_entered(report.nominal, Entering::everything);
+    reference->tau -= predict_effects(report.nominal, *reference);
     report.nominal = identify(report.nominal, {*reference}, {}, identify_options).robot;
   }
   const Context search = context.part(start, 1.0);

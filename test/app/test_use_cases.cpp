@@ -372,6 +372,35 @@ TEST(Diagnose, NamesThePatchAndTheCommand) {
   EXPECT_NE(report.html("the command", "1").find("the command"), std::string::npos);
 }
 
+// Law: a healthy log has the effects that the model names; what it says beyond them is the model's, and what
+// the others have beyond both is found.
+TEST(Diagnose, AReferenceHasTheEffectsOfItsModel) {
+  Robot robot = test::panda();
+  robot.effects = {{"joint_spring",
+                    {2, 4},
+                    {{"stiffness", {0, 12, 0, 9, 0, 0, 0}}, {"rest", {0, 0.2, 0, -1.5, 0, 0, 0}}}}};
+  const auto log = [&](unsigned long seed, const std::vector<Effect>& more) {
+    SimulateJob job;
+    job.robot = robot;
+    job.effects = more;
+    job.duration = 12.0;
+    job.seed = seed;
+    Log out = run(job).run.log;
+    out.source = "log" + std::to_string(seed);
+    return out;
+  };
+  const std::vector<Effect> viscous = {{"viscous_friction", {3}, {{"coefficient", {0, 0, 1.5, 0, 0, 0, 0}}}}};
+  DiagnoseJob job;
+  job.nominal = robot;
+  job.reference = log(1, {});
+  job.logs = {log(2, viscous), log(3, viscous)};
+  const DiagnoseReport report = run(job);
+  EXPECT_EQ(report.nominal.effects.size(), 1u);
+  ASSERT_EQ(report.diagnosis.effects.size(), 1u) << to_string(report.diagnosis.verdict);
+  EXPECT_EQ(report.diagnosis.effects[0].effect.name, "viscous_friction");
+  EXPECT_EQ(report.diagnosis.effects[0].effect.joints, std::vector<int>{3});
+}
+
 // --------------------------------------------------------------------------------------- how a log is read
 
 TEST(Assume, FrictionOfATurnedLogIsThatOfTheRightOne) {
