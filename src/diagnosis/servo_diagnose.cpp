@@ -45,6 +45,7 @@ class ServoDiagnosis {
     const bool body = std::any_of(nominal_.joints.begin(), nominal_.joints.end(),
                                   [](const Joint& j) { return j.servo->kp > 0.0; });
     series_ = servo_series(logs_, body ? std::optional<Robot>(nominal_) : std::nullopt);
+    if (body) add_load_parts(nominal_, logs_, options_.tolerance, series_);
     before_ = motion_errors(nominal_, logs_);
     for (const Joint& joint : nominal_.joints) d_.unit.push_back(joint_units(joint.type).position);
     if (measure_floors()) {
