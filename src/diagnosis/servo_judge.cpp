@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 
@@ -40,6 +41,29 @@ Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects
   Knobs out = nominal;
   for (const Knob k : freed(effects)) out[at(k)] = x[at(k)];
   return out;
+}
+
+}  // namespace
+
+namespace {
+
+/// A fit with another effect in the place of one, and what rows that fit and rows that judge say for it.
+struct Replaced {
+  int effect = 0;
+  KnobFit fit;
+  double difference = 0.0;  ///< log evidence, less that of the set as it is
+};
+
+/// Log evidence of the judging rows for `other` against `fit`, neither of which has seen them.
+double predicted(const std::vector<double>& fit, const std::vector<double>& other, double floor,
+                 double samples) {
+  if (fit.empty()) return 0.0;
+  const auto size = [&](const std::vector<double>& losses) {
+    double sum = 0.0;
+    for (const double loss : losses) sum += loss;
+    return 2.0 * sum / double(losses.size()) + floor * floor;
+  };
+  return 0.5 * samples * std::log(size(fit) / size(other));
 }
 
 }  // namespace
@@ -87,6 +111,54 @@ double borne_out(const std::vector<double>& less, const std::vector<double>& mor
   return normal_cdf(mean / error);
 }
 
+namespace {
+
+/// The rivals of effect `k` that the search could not rule out, on all rows.
+std::vector<Replaced> replacements(const ServoAnswer& a, std::size_t k, const std::vector<double>& with,
+                                   double held_samples, const ServoCriteria& criteria) {
+  constexpr std::size_t most = 3;  // looked at again
+  const ServoProblemOfJoint& p = a.problem;
+  std::vector<std::pair<double, std::string>> rivals = weighed(a, a.effects[k]).rivals;
+  std::sort(rivals.begin(), rivals.end(), std::greater<>());
+  std::vector<int> others = a.effects;
+  others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+  const double own = log_evidence(p, a.fit, a.samples) - price_of(a.effects[k], a.samples);
+  std::vector<Replaced> out;
+  for (std::size_t r = 0; r < rivals.size() && out.size() < most; ++r) {
+    if (rivals[r].first < -criteria.ruled_out) break;
+    Replaced other;
+    for (std::size_t e = 0; e < servo_effects().size(); ++e)
+      if (rivals[r].second == servo_effects()[e].name) other.effect = static_cast<int>(e);
+    std::vector<int> set = others;
+    set.push_back(other.effect);
+    other.fit = fit_from(p, starts_of(effect_of(other.effect), only(p.nominal, a.fit.x, others), p.scale),
+                         freed(set), RowSet::fit, a.fit.width, a.samples, final_iterations);
+    if (!possible(effect_of(other.effect), other.fit.x, p.nominal, p.scale)) continue;
+    other.difference = log_evidence(p, other.fit, a.samples) - price_of(other.effect, a.samples) - own +
+                       predicted(with, judging_losses(p, other.fit, a.fit.width, a.samples), p.floor,
+                                 held_samples);
+    out.push_back(std::move(other));
+  }
+  return out;
+}
+
+/// Puts a rival in the place of effect `k`.
+void replace(ServoAnswer& a, std::size_t k, const Replaced& by) {
+  const std::string old = effect_of(a.effects[k]).name, name = effect_of(by.effect).name;
+  for (WeighedServoEffect& w : a.choice.effects) {
+    if (w.effect != a.effects[k]) continue;
+    w.effect = by.effect;
+    for (auto& [difference, rival] : w.rivals) {
+      if (rival == name) rival = old, difference = 0.0;
+      difference -= by.difference;
+    }
+  }
+  a.effects[k] = by.effect;
+  a.fit = by.fit;
+}
+
+}  // namespace
+
 void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
   const ServoProblemOfJoint& p = a.problem;
   a.effects.clear();
@@ -103,13 +175,25 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
   const double held_samples = a.samples * held / std::max(1.0, all - held);
   a.probability.assign(a.effects.size(), 0.0);
   a.aliases.assign(a.effects.size(), {});
+  std::size_t replaced = 0;
   for (bool again = true; again && !a.effects.empty();) {
     again = false;
     const std::vector<double> with = judging_losses(p, a.fit, a.fit.width, a.samples);
     std::size_t worst = 0;
     std::vector<double> of_class;
-    for (std::size_t k = 0; k < a.effects.size(); ++k) {
-      const WeighedServoEffect& w = weighed(a, a.effects[k]);
+    for (std::size_t k = 0; k < a.effects.size() && !again; ++k) {
+      WeighedServoEffect w = weighed(a, a.effects[k]);
+      for (const Replaced& other : replacements(a, k, with, held_samples, criteria)) {
+        if (other.difference > 1.0 && replaced < a.effects.size()) {  // clearly, and not to and fro
+          replace(a, k, other);
+          ++replaced;
+          again = true;
+          break;
+        }
+        for (auto& [difference, rival] : w.rivals)
+          if (rival == effect_of(other.effect).name) difference = other.difference;
+      }
+      if (again) break;
       std::vector<int> others = a.effects;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
       const KnobFit without = refit(others, only(p.nominal, a.fit.x, others));
@@ -137,6 +221,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
       a.aliases[k] = aliases;
       if (of_class[k] < of_class[worst]) worst = k;
     }
+    if (again) continue;
     if (of_class[worst] < criteria.least_probability) {
       a.effects.erase(a.effects.begin() + static_cast<std::ptrdiff_t>(worst));
       a.probability.erase(a.probability.begin() + static_cast<std::ptrdiff_t>(worst));

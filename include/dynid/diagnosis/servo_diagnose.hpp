@@ -22,6 +22,9 @@ struct ServoCriteria {
   double effect_gain = 3.0;
   /// Evidence within which two effects are not told apart: e^-2 to one is one in eight.
   double indistinct = 2.0;
+  /// Evidence by which a rival has to fall short on the rows searched to be looked at no more on all rows: odds
+  /// of e^8 are more than the coarser steps of the search and the rows that judge turn round.
+  double ruled_out = 8.0;
   /// Part by which an effect has to lower the mean loss on each half of the data in turn, when fitted on the
   /// other: a twentieth is what the loss of one log changes by when nothing is missing. Of the gap's energy a
   /// smaller part is no explanation, not even partly.
