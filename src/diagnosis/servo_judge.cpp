@@ -262,7 +262,10 @@ std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers,
       // A part of the set may move far worse than none, without end: it explains nothing, and no less.
       energy[s] = std::min(energy[s], energy.front());
     }
-    const double explained = std::max(energy.front() - energy.back(), 1e-300);
+    // The payload's part on this joint is explained too.
+    const double was = before[static_cast<Eigen::Index>(&a - answers.data())] / a.problem.floor;
+    const double by_payload = payload.present ? std::max(0.0, was * was - energy.front()) : 0.0;
+    const double explained = std::max(energy.front() - energy.back(), 1e-300) + by_payload;
     const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };
     for (std::size_t k = 0; k < count; ++k) {
       double share = 0.0;

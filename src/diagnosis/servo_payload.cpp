@@ -226,6 +226,9 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   double tolerance = 0.0;
   for (const ServoProblemOfJoint& joint : joints) tolerance = std::max(tolerance, joint.tolerance);
   out.covariance += tolerance * tolerance * out.value * out.value.transpose();
+  // And its place against where their masses are, by half of that as a root's error is of its square.
+  out.covariance.bottomRightCorner<3, 3>().diagonal().array() +=
+      0.25 * tolerance * tolerance * out.value.tail<3>().squaredNorm();
   // A body has mass, and is within what an arm can hold.
   out.present =
       out.value[0] > 2.0 * probe * size[0] && out.value.tail<3>().norm() < 2.0 * reach * out.value[0];
