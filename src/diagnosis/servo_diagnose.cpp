@@ -122,7 +122,8 @@ class ServoDiagnosis {
                  left = 2.0 * servo_loss(p, found.fit.x, RowSet::fit, width),
                  was = 2.0 * servo_loss(p, none.fit.x, RowSet::fit, width);
     if (found.effects.empty() || gain < options_.criteria.effect_gain ||
-        left > std::max(std::min(floor * floor, 0.5 * was), options_.criteria.most_left * was))
+        left > std::max(std::min(floor * floor, options_.criteria.most_left_of_noise * was),
+                        options_.criteria.most_left * was))
       return none;
     evidence_[j] = gain;
     return found;

@@ -134,9 +134,9 @@ std::vector<Replaced> replacements(const ServoAnswer& a, std::size_t k, const st
     other.fit = fit_from(p, starts_of(effect_of(other.effect), only(p.nominal, a.fit.x, others), p.scale),
                          freed(set), RowSet::fit, a.fit.width, a.samples, final_iterations);
     if (!possible(effect_of(other.effect), other.fit.x, p.nominal, p.scale)) continue;
-    other.difference = log_evidence(p, other.fit, a.samples) - price_of(other.effect, a.samples) - own +
-                       predicted(with, judging_losses(p, other.fit, a.fit.width, a.samples), p.floor,
-                                 held_samples);
+    other.difference =
+        log_evidence(p, other.fit, a.samples) - price_of(other.effect, a.samples) - own +
+        predicted(with, judging_losses(p, other.fit, a.fit.width, a.samples), p.floor, held_samples);
     out.push_back(std::move(other));
   }
   return out;
@@ -184,7 +184,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
     for (std::size_t k = 0; k < a.effects.size() && !again; ++k) {
       WeighedServoEffect w = weighed(a, a.effects[k]);
       for (const Replaced& other : replacements(a, k, with, held_samples, criteria)) {
-        if (other.difference > 1.0 && replaced < a.effects.size()) {  // clearly, and not to and fro
+        if (other.difference > criteria.replaces && replaced < a.effects.size()) {
           replace(a, k, other);
           ++replaced;
           again = true;

@@ -62,8 +62,7 @@ void add_load_parts(const Robot& nominal, const std::vector<Log>& logs, double t
     for (Eigen::Index i = 0; i < m.t.size(); i += stride, ++rows) {
       torques(ws, m, i, Y);
       for (Eigen::Index j = 0; j < n; ++j)
-        squares[static_cast<std::size_t>(j)].selfadjointView<Eigen::Lower>().rankUpdate(
-            Y.row(j).transpose());
+        squares[static_cast<std::size_t>(j)].selfadjointView<Eigen::Lower>().rankUpdate(Y.row(j).transpose());
     }
   }
   std::vector<Eigen::MatrixXd> shapes(static_cast<std::size_t>(n));  // parameters of each part

@@ -17,9 +17,9 @@ struct ServoSeries {
   Eigen::VectorXd gravity;        ///< N: the part of `load` that is gravity's
   /// N x k: parts of `load` that may have factors of their own; empty without.
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> parts;
-  double interval = 0.0;          ///< median of the stamps' [s]
-  double resolution = 0.0;        ///< smallest change of q, an encoder's step [rad]
-  double v0 = 0.0;                ///< velocity at the first stamp, where it is known [rad/s]
+  double interval = 0.0;    ///< median of the stamps' [s]
+  double resolution = 0.0;  ///< smallest change of q, an encoder's step [rad]
+  double v0 = 0.0;          ///< velocity at the first stamp, where it is known [rad/s]
   HeldCommand command;
   int log = 0;  ///< that it is of
 

@@ -203,8 +203,7 @@ class ServoState {
         dw[int(P::load_friction)] -= s * std::abs(L);
         if (saturated) dw[int(P::limit)] += e > 0.0 ? 1.0 : -1.0;
         if constexpr (parts > 0)
-          for (int m = 0; m < parts; ++m)
-            dw[servo_parameters + m] -= of_load * p.compliance * part[m];
+          for (int m = 0; m < parts; ++m) dw[servo_parameters + m] -= of_load * p.compliance * part[m];
         dw /= D;
       }
       dq += h * dw;
