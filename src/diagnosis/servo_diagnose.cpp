@@ -132,6 +132,7 @@ class ServoDiagnosis {
   /// Joints whose gap shows in an effect, not in its size.
   void detect_suspected() {
     by_size_ = d_.p_value;
+    where_by_size_ = d_.where;
     for (std::size_t j = 0; j < answers_.size(); ++j) {
       if (!suspected_[j] || answers_[j].effects.empty()) continue;
       const double p = std::exp(-evidence_[j]);
@@ -313,18 +314,20 @@ class ServoDiagnosis {
     const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
     fill_servo_series(logs_, before_, after, judging_, d_);
     shrink_servo(logs_, before_, after, judging_, d_);
-    rank_servo_effects(answers_, payload_, d_);
+    rank_servo_effects(answers_, d_);
     servo_verdict(options_.criteria, d_);
     if (d_.verdict == Verdict::unexplained && by_size_ > options_.criteria.detection) {
       // A gap that only an effect shows stands and falls with that effect.
       d_.p_value = d_.structure_p_value = by_size_;
+      d_.where = where_by_size_;
+      d_.series = {};
       d_.effects.clear();
       d_.ranking.clear();
       d_.considered.clear();
       d_.judgement.clear();
       fill_servo_series(logs_, before_, before_, judging_, d_);
       shrink_servo(logs_, before_, before_, judging_, d_);
-      rank_servo_effects(answers_, {}, d_);
+      rank_servo_effects(answers_, d_);
       servo_verdict(options_.criteria, d_);
     }
     if (d_.verdict == Verdict::unexplained) d_.effects.clear();
@@ -346,7 +349,8 @@ class ServoDiagnosis {
   std::vector<Eigen::MatrixXd> before_;
   ServoPayload payload_;
   std::vector<char> suspected_;
-  double by_size_ = 1.0;          // p-value of the gap by its size
+  double by_size_ = 1.0;  // p-value of the gap by its size
+  std::vector<GapCell> where_by_size_;
   std::vector<double> evidence_;  // [nats] of what was found on a suspected joint
 };
 

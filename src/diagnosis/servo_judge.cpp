@@ -16,6 +16,11 @@ namespace {
 constexpr int final_iterations = 30;
 constexpr double quantile = 1.645;  // of a normal number: 90 % two-sided
 
+/// Probability that something is not nought, by its own standard deviation.
+double not_nought(double value, double deviation) {
+  return deviation > 0.0 ? std::erf(std::abs(value) / deviation / std::sqrt(2.0)) : 1.0;
+}
+
 double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
 const ServoEffect& effect_of(int e) { return servo_effects()[static_cast<std::size_t>(e)]; }
@@ -350,14 +355,19 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
         found.effect.joints.push_back(static_cast<int>(j) + 1);
         // Of several joints the one that shows it most says most of whether it is there.
         const double own = std::max(1.0, weighed(a, a.effects[k]).gain);
-        found.probability += own * a.probability[k];
-        weight += own;
         for (const std::string& alias : a.aliases[k])
           if (std::find(found.aliases.begin(), found.aliases.end(), alias) == found.aliases.end())
             found.aliases.push_back(alias);
         const bool si = nominal.joints[j].servo->kp > 0.0;
         const Eigen::MatrixXd covariance = knob_covariance(a.problem, a.fit, freed(a.effects), a.samples);
         const std::vector<Knob> free = freed(a.effects);
+        // No surer than that its size is not none.
+        const Knob size = effect.free.front();
+        const auto at_size = std::find(free.begin(), free.end(), size) - free.begin();
+        const double there = not_nought(a.fit.x[at(size)] - a.problem.nominal[at(size)],
+                                        std::sqrt(std::max(0.0, covariance(at_size, at_size))));
+        found.probability += own * std::min(a.probability[k], there);
+        weight += own;
         for (const KnobWord& word : words_of(effect, si)) {
           const auto at_knob = std::find(free.begin(), free.end(), word.knob) - free.begin();
           const double value = a.fit.x[at(word.knob)] - (word.added ? a.problem.nominal[at(word.knob)] : 0.0);
@@ -382,11 +392,14 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
       found.effect.parameters[p.key] = {p.value.data(), p.value.data() + p.value.size()};
     out.push_back(std::move(found));
   }
-  if (payload.present) {
+  if (payload.present && shares.at("payload") >= criteria.least_share) {
     FoundEffect found;
     found.effect.name = "payload";
     for (int j = 1; j <= nominal.size(); ++j) found.effect.joints.push_back(j);
-    found.probability = payload.probability;
+    double there = 0.0;
+    for (Eigen::Index k = 0; k < 4; ++k)
+      there = std::max(there, not_nought(payload.value[k], std::sqrt(payload.covariance(k, k))));
+    found.probability = std::min(payload.probability, there);
     found.share = shares.at("payload");
     const auto add = [&](const char* key, const char* unit, const Eigen::VectorXd& value,
                          const Eigen::VectorXd& spread) {
