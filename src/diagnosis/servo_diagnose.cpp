@@ -45,6 +45,7 @@ class ServoDiagnosis {
     const bool body = std::any_of(nominal_.joints.begin(), nominal_.joints.end(),
                                   [](const Joint& j) { return j.servo->kp > 0.0; });
     series_ = servo_series(logs_, body ? std::optional<Robot>(nominal_) : std::nullopt);
+    if (body) add_load_parts(nominal_, logs_, options_.tolerance, series_);
     before_ = motion_errors(nominal_, logs_);
     for (const Joint& joint : nominal_.joints) d_.unit.push_back(joint_units(joint.type).position);
     if (measure_floors()) {
@@ -81,10 +82,11 @@ class ServoDiagnosis {
     if (options_.progress) options_.progress(stage, fraction);
   }
 
-  /// The joint's motion differs by more than noise and tolerance make.
+  /// The joint's motion differs by more than noise and tolerance make: of as many joints one soon does.
   bool off(std::size_t joint) const {
     return std::any_of(d_.where.begin(), d_.where.end(), [&](const GapCell& cell) {
-      return cell.joint == static_cast<int>(joint) + 1 && cell.p_value <= options_.criteria.detection;
+      return cell.joint == static_cast<int>(joint) + 1 &&
+             cell.p_value * double(nominal_.size()) <= options_.criteria.detection;
     });
   }
 
@@ -104,8 +106,8 @@ class ServoDiagnosis {
   }
 
   /// What a search found on a joint that is suspected only. A rigid body that is off within the tolerance
-  /// leaves such gaps in any shape: an effect is one where it explains all but a twentieth, or to the noise,
-  /// and its evidence is as large as for a name, times the number of joints.
+  /// leaves such gaps in any shape: an effect is one where it explains all but a twentieth, or more than it
+  /// leaves and that to the noise, and its evidence is as large as for a name, times the number of joints.
   ServoChoice convincing(std::size_t j, const ServoProblemOfJoint& p, ServoChoice found) {
     ServoChoice none = no_servo_effect(p);
     const double width = std::min(none.fit.width, found.fit.width),
@@ -120,7 +122,8 @@ class ServoDiagnosis {
                  left = 2.0 * servo_loss(p, found.fit.x, RowSet::fit, width),
                  was = 2.0 * servo_loss(p, none.fit.x, RowSet::fit, width);
     if (found.effects.empty() || gain < options_.criteria.effect_gain ||
-        left > std::max(floor * floor, options_.criteria.most_left * was))
+        left > std::max(std::min(floor * floor, options_.criteria.most_left_of_noise * was),
+                        options_.criteria.most_left * was))
       return none;
     evidence_[j] = gain;
     return found;
@@ -128,6 +131,8 @@ class ServoDiagnosis {
 
   /// Joints whose gap shows in an effect, not in its size.
   void detect_suspected() {
+    by_size_ = d_.p_value;
+    where_by_size_ = d_.where;
     for (std::size_t j = 0; j < answers_.size(); ++j) {
       if (!suspected_[j] || answers_[j].effects.empty()) continue;
       const double p = std::exp(-evidence_[j]);
@@ -309,8 +314,22 @@ class ServoDiagnosis {
     const std::vector<Eigen::MatrixXd> after = d_.effects.empty() ? before_ : motion_errors(patched, logs_);
     fill_servo_series(logs_, before_, after, judging_, d_);
     shrink_servo(logs_, before_, after, judging_, d_);
-    rank_servo_effects(answers_, payload_, d_);
+    rank_servo_effects(answers_, d_);
     servo_verdict(options_.criteria, d_);
+    if (d_.verdict == Verdict::unexplained && by_size_ > options_.criteria.detection) {
+      // A gap that only an effect shows stands and falls with that effect.
+      d_.p_value = d_.structure_p_value = by_size_;
+      d_.where = where_by_size_;
+      d_.series = {};
+      d_.effects.clear();
+      d_.ranking.clear();
+      d_.considered.clear();
+      d_.judgement.clear();
+      fill_servo_series(logs_, before_, before_, judging_, d_);
+      shrink_servo(logs_, before_, before_, judging_, d_);
+      rank_servo_effects(answers_, d_);
+      servo_verdict(options_.criteria, d_);
+    }
     if (d_.verdict == Verdict::unexplained) d_.effects.clear();
     if (options_.rollout) {
       say("replaying short horizons", 0.95);
@@ -330,6 +349,8 @@ class ServoDiagnosis {
   std::vector<Eigen::MatrixXd> before_;
   ServoPayload payload_;
   std::vector<char> suspected_;
+  double by_size_ = 1.0;  // p-value of the gap by its size
+  std::vector<GapCell> where_by_size_;
   std::vector<double> evidence_;  // [nats] of what was found on a suspected joint
 };
 

@@ -17,6 +17,17 @@ bool counts(const ServoRows& rows, Eigen::Index i, RowSet set) {
   return set == RowSet::fit || (rows.half[k] == 0) == (set == RowSet::first_half);
 }
 
+/// The rigid body may be off part by part, not as a whole.
+bool in_parts(const ServoProblemOfJoint& p) {
+  return !p.rows.empty() && p.rows.front().series.parts.rows() > 0;
+}
+
+template <bool sensitive, class Visit>
+void run_knobs(const ServoJoint& joint, const ServoRows& rows, const ServoProblemOfJoint& p, const Knobs& x,
+               Visit&& visit) {
+  run_servo<sensitive, servo_load_parts>(joint, rows.series, p.substeps, visit, &x[at(Knob::load_part)]);
+}
+
 /// The knobs that a fit turns, in the coordinates of the search.
 class Turned {
  public:
@@ -29,8 +40,11 @@ class Turned {
           std::count(free.begin(), free.end(), k) > 0)
         continue;
       if (k == Knob::kp && !(p.nominal[at(Knob::load_gain)] > 0.0)) continue;  // the ratios say it all
+      if (k == Knob::load_gain && in_parts(p)) continue;
       add(k, false);
     }
+    if (in_parts(p))
+      for (int k = 0; k < servo_load_parts; ++k) add(load_part(k), false);
   }
   Eigen::Index size() const { return static_cast<Eigen::Index>(knobs_.size()); }
   Knob knob(Eigen::Index k) const { return knobs_[static_cast<std::size_t>(k)]; }
@@ -56,7 +70,7 @@ class Turned {
   double slope(Eigen::Index k, const Knobs& x) const { return range(k).logarithmic ? x[at(knob(k))] : 1.0; }
   /// Standard deviation of a nominal parameter, in its coordinate.
   double sigma(Eigen::Index k) const {
-    return range(k).logarithmic ? p_.tolerance : p_.tolerance * std::abs(p_.nominal[at(knob(k))]);
+    return range(k).logarithmic ? p_.tolerance : nominal_deviation(p_, knob(k));
   }
   double penalty(const Eigen::VectorXd& y) const {
     double sum = 0.0;
@@ -71,7 +85,7 @@ class Turned {
  private:
   void add(Knob k, bool free) {
     KnobRange range = range_of(k, p_.nominal, p_.scale);
-    if (!free) {  // wherever the nominal value lies
+    if (!free && !is_load_part(k)) {  // wherever the nominal value lies
       const double value = p_.nominal[at(k)], room = 10.0 * p_.tolerance * std::abs(value);
       range.logarithmic = false;
       range.low = value - room, range.high = value + room;
@@ -102,7 +116,7 @@ Equations equations(const ServoProblemOfJoint& p, const Turned& turned, const Kn
   Eigen::VectorXd J(n);
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run_servo<true>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<true>& state) {
+    run_knobs<true>(joint, rows, p, x, [&](Eigen::Index i, const auto& state) {
       if (!counts(rows, i, set)) return;
       const double r = rows.series.q[i] - state.q;
       const double weight = std::abs(r) <= width ? 1.0 : width / std::abs(r);
@@ -123,10 +137,15 @@ Equations equations(const ServoProblemOfJoint& p, const Turned& turned, const Kn
 
 }  // namespace
 
+double nominal_deviation(const ServoProblemOfJoint& p, Knob k) {
+  if (is_load_part(k)) return in_parts(p) ? 1.0 : 0.0;
+  if (k == Knob::load_gain && in_parts(p)) return 0.0;
+  return p.tolerance * std::abs(p.nominal[at(k)]);
+}
+
 Eigen::VectorXd servo_motion(const ServoProblemOfJoint& p, const Knobs& x, const ServoRows& rows) {
   Eigen::VectorXd q = rows.series.q;
-  run_servo<false>(servo_of(x), rows.series, p.substeps,
-                   [&](Eigen::Index i, const ServoState<false>& state) { q[i] = state.q; });
+  run_knobs<false>(servo_of(x), rows, p, x, [&](Eigen::Index i, const auto& state) { q[i] = state.q; });
   return q;
 }
 
@@ -135,7 +154,7 @@ double servo_loss(const ServoProblemOfJoint& p, const Knobs& x, RowSet set, doub
   double sum = 0.0;
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run_servo<false>(joint, rows.series, p.substeps, [&](Eigen::Index i, const ServoState<false>& state) {
+    run_knobs<false>(joint, rows, p, x, [&](Eigen::Index i, const auto& state) {
       if (!counts(rows, i, set)) return;
       sum += huber(rows.series.q[i] - state.q, width);
       ++count;
@@ -297,7 +316,7 @@ double tolerated_motion(const ServoProblemOfJoint& p) {
   Eigen::VectorXd energy = Eigen::VectorXd::Zero(turned.size());
   Eigen::Index count = 0;
   for (const ServoRows& rows : p.rows)
-    run_servo<true>(joint, rows.series, p.substeps, [&](Eigen::Index, const ServoState<true>& state) {
+    run_knobs<true>(joint, rows, p, p.nominal, [&](Eigen::Index, const auto& state) {
       const KnobSlopes slopes = knob_slopes(p.nominal, state.dq);
       for (Eigen::Index k = 0; k < turned.size(); ++k) {
         const double change = turned.sigma(k) * slopes[static_cast<Eigen::Index>(at(turned.knob(k)))];

@@ -37,6 +37,9 @@ struct KnobFit {
   double width = 0.0;    ///< of Huber's loss [rad]
 };
 
+/// Standard deviation of a nominal knob: 0 of one that may not be off.
+double nominal_deviation(const ServoProblemOfJoint& p, Knob k);
+
 /// Motion at the stamps of `rows` [rad].
 Eigen::VectorXd servo_motion(const ServoProblemOfJoint& p, const Knobs& x, const ServoRows& rows);
 /// Mean loss of a motion over rows that are (or, where `others`, are not) of the set.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 
@@ -14,6 +15,11 @@ namespace {
 
 constexpr int final_iterations = 30;
 constexpr double quantile = 1.645;  // of a normal number: 90 % two-sided
+
+/// Probability that something is not nought, by its own standard deviation.
+double not_nought(double value, double deviation) {
+  return deviation > 0.0 ? std::erf(std::abs(value) / deviation / std::sqrt(2.0)) : 1.0;
+}
 
 double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
@@ -40,6 +46,29 @@ Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects
   Knobs out = nominal;
   for (const Knob k : freed(effects)) out[at(k)] = x[at(k)];
   return out;
+}
+
+}  // namespace
+
+namespace {
+
+/// A fit with another effect in the place of one, and what rows that fit and rows that judge say for it.
+struct Replaced {
+  int effect = 0;
+  KnobFit fit;
+  double difference = 0.0;  ///< log evidence, less that of the set as it is
+};
+
+/// Log evidence of the judging rows for `other` against `fit`, neither of which has seen them.
+double predicted(const std::vector<double>& fit, const std::vector<double>& other, double floor,
+                 double samples) {
+  if (fit.empty()) return 0.0;
+  const auto size = [&](const std::vector<double>& losses) {
+    double sum = 0.0;
+    for (const double loss : losses) sum += loss;
+    return 2.0 * sum / double(losses.size()) + floor * floor;
+  };
+  return 0.5 * samples * std::log(size(fit) / size(other));
 }
 
 }  // namespace
@@ -87,6 +116,54 @@ double borne_out(const std::vector<double>& less, const std::vector<double>& mor
   return normal_cdf(mean / error);
 }
 
+namespace {
+
+/// The rivals of effect `k` that the search could not rule out, on all rows.
+std::vector<Replaced> replacements(const ServoAnswer& a, std::size_t k, const std::vector<double>& with,
+                                   double held_samples, const ServoCriteria& criteria) {
+  constexpr std::size_t most = 3;  // looked at again
+  const ServoProblemOfJoint& p = a.problem;
+  std::vector<std::pair<double, std::string>> rivals = weighed(a, a.effects[k]).rivals;
+  std::sort(rivals.begin(), rivals.end(), std::greater<>());
+  std::vector<int> others = a.effects;
+  others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+  const double own = log_evidence(p, a.fit, a.samples) - price_of(a.effects[k], a.samples);
+  std::vector<Replaced> out;
+  for (std::size_t r = 0; r < rivals.size() && out.size() < most; ++r) {
+    if (rivals[r].first < -criteria.ruled_out) break;
+    Replaced other;
+    for (std::size_t e = 0; e < servo_effects().size(); ++e)
+      if (rivals[r].second == servo_effects()[e].name) other.effect = static_cast<int>(e);
+    std::vector<int> set = others;
+    set.push_back(other.effect);
+    other.fit = fit_from(p, starts_of(effect_of(other.effect), only(p.nominal, a.fit.x, others), p.scale),
+                         freed(set), RowSet::fit, a.fit.width, a.samples, final_iterations);
+    if (!possible(effect_of(other.effect), other.fit.x, p.nominal, p.scale)) continue;
+    other.difference =
+        log_evidence(p, other.fit, a.samples) - price_of(other.effect, a.samples) - own +
+        predicted(with, judging_losses(p, other.fit, a.fit.width, a.samples), p.floor, held_samples);
+    out.push_back(std::move(other));
+  }
+  return out;
+}
+
+/// Puts a rival in the place of effect `k`.
+void replace(ServoAnswer& a, std::size_t k, const Replaced& by) {
+  const std::string old = effect_of(a.effects[k]).name, name = effect_of(by.effect).name;
+  for (WeighedServoEffect& w : a.choice.effects) {
+    if (w.effect != a.effects[k]) continue;
+    w.effect = by.effect;
+    for (auto& [difference, rival] : w.rivals) {
+      if (rival == name) rival = old, difference = 0.0;
+      difference -= by.difference;
+    }
+  }
+  a.effects[k] = by.effect;
+  a.fit = by.fit;
+}
+
+}  // namespace
+
 void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
   const ServoProblemOfJoint& p = a.problem;
   a.effects.clear();
@@ -103,13 +180,25 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
   const double held_samples = a.samples * held / std::max(1.0, all - held);
   a.probability.assign(a.effects.size(), 0.0);
   a.aliases.assign(a.effects.size(), {});
+  std::size_t replaced = 0;
   for (bool again = true; again && !a.effects.empty();) {
     again = false;
     const std::vector<double> with = judging_losses(p, a.fit, a.fit.width, a.samples);
     std::size_t worst = 0;
     std::vector<double> of_class;
-    for (std::size_t k = 0; k < a.effects.size(); ++k) {
-      const WeighedServoEffect& w = weighed(a, a.effects[k]);
+    for (std::size_t k = 0; k < a.effects.size() && !again; ++k) {
+      WeighedServoEffect w = weighed(a, a.effects[k]);
+      for (const Replaced& other : replacements(a, k, with, held_samples, criteria)) {
+        if (other.difference > criteria.replaces && replaced < a.effects.size()) {
+          replace(a, k, other);
+          ++replaced;
+          again = true;
+          break;
+        }
+        for (auto& [difference, rival] : w.rivals)
+          if (rival == effect_of(other.effect).name) difference = other.difference;
+      }
+      if (again) break;
       std::vector<int> others = a.effects;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
       const KnobFit without = refit(others, only(p.nominal, a.fit.x, others));
@@ -137,6 +226,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
       a.aliases[k] = aliases;
       if (of_class[k] < of_class[worst]) worst = k;
     }
+    if (again) continue;
     if (of_class[worst] < criteria.least_probability) {
       a.effects.erase(a.effects.begin() + static_cast<std::ptrdiff_t>(worst));
       a.probability.erase(a.probability.begin() + static_cast<std::ptrdiff_t>(worst));
@@ -177,7 +267,10 @@ std::map<std::string, double> shares_of(const std::vector<ServoAnswer>& answers,
       // A part of the set may move far worse than none, without end: it explains nothing, and no less.
       energy[s] = std::min(energy[s], energy.front());
     }
-    const double explained = std::max(energy.front() - energy.back(), 1e-300);
+    // The payload's part on this joint is explained too.
+    const double was = before[static_cast<Eigen::Index>(&a - answers.data())] / a.problem.floor;
+    const double by_payload = payload.present ? std::max(0.0, was * was - energy.front()) : 0.0;
+    const double explained = std::max(energy.front() - energy.back(), 1e-300) + by_payload;
     const auto factorial = [](std::size_t k) { return std::tgamma(double(k) + 1.0); };
     for (std::size_t k = 0; k < count; ++k) {
       double share = 0.0;
@@ -262,14 +355,19 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
         found.effect.joints.push_back(static_cast<int>(j) + 1);
         // Of several joints the one that shows it most says most of whether it is there.
         const double own = std::max(1.0, weighed(a, a.effects[k]).gain);
-        found.probability += own * a.probability[k];
-        weight += own;
         for (const std::string& alias : a.aliases[k])
           if (std::find(found.aliases.begin(), found.aliases.end(), alias) == found.aliases.end())
             found.aliases.push_back(alias);
         const bool si = nominal.joints[j].servo->kp > 0.0;
         const Eigen::MatrixXd covariance = knob_covariance(a.problem, a.fit, freed(a.effects), a.samples);
         const std::vector<Knob> free = freed(a.effects);
+        // No surer than that its size is not none.
+        const Knob size = effect.free.front();
+        const auto at_size = std::find(free.begin(), free.end(), size) - free.begin();
+        const double there = not_nought(a.fit.x[at(size)] - a.problem.nominal[at(size)],
+                                        std::sqrt(std::max(0.0, covariance(at_size, at_size))));
+        found.probability += own * std::min(a.probability[k], there);
+        weight += own;
         for (const KnobWord& word : words_of(effect, si)) {
           const auto at_knob = std::find(free.begin(), free.end(), word.knob) - free.begin();
           const double value = a.fit.x[at(word.knob)] - (word.added ? a.problem.nominal[at(word.knob)] : 0.0);
@@ -294,11 +392,14 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
       found.effect.parameters[p.key] = {p.value.data(), p.value.data() + p.value.size()};
     out.push_back(std::move(found));
   }
-  if (payload.present) {
+  if (payload.present && shares.at("payload") >= criteria.least_share) {
     FoundEffect found;
     found.effect.name = "payload";
     for (int j = 1; j <= nominal.size(); ++j) found.effect.joints.push_back(j);
-    found.probability = payload.probability;
+    double there = 0.0;
+    for (Eigen::Index k = 0; k < 4; ++k)
+      there = std::max(there, not_nought(payload.value[k], std::sqrt(payload.covariance(k, k))));
+    found.probability = std::min(payload.probability, there);
     found.share = shares.at("payload");
     const auto add = [&](const char* key, const char* unit, const Eigen::VectorXd& value,
                          const Eigen::VectorXd& spread) {

@@ -67,7 +67,7 @@ ServoJoint servo_of(const Knobs& x) {
   return out;
 }
 
-KnobSlopes knob_slopes(const Knobs& x, const ServoSensitivity& s) {
+KnobSlopes knob_slopes(const Knobs& x, const KnobState::Sensitivity& s) {
   KnobSlopes out = KnobSlopes::Zero();
   const double kp = x[at(Knob::kp)];
   for (const auto& [p, k] : over_kp) {
@@ -76,6 +76,7 @@ KnobSlopes knob_slopes(const Knobs& x, const ServoSensitivity& s) {
     if (slope != 0.0 && std::isfinite(x[at(k)])) out[0] -= slope * x[at(k)] / (kp * kp);
   }
   for (const auto& [p, k] : themselves) out[static_cast<int>(k)] = s[static_cast<int>(p)];
+  out.tail<servo_load_parts>() = s.tail<servo_load_parts>();
   return out;
 }
 
@@ -154,8 +155,9 @@ KnobRange range_of(Knob k, const Knobs& nominal, const KnobScale& scale) {
       return {false, 0.0, scale.error};
     case Knob::gravity_compensation:
       return {false, -0.5, 1.5};
+    default:  // parts of the load
+      return {false, -10.0, 10.0};
   }
-  return {};
 }
 
 const std::vector<ServoEffect>& servo_effects() {

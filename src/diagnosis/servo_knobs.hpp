@@ -8,6 +8,7 @@
 
 #include "dynid/dynamics/servo_joint.hpp"
 #include "dynid/model/robot.hpp"
+#include "servo_load_parts.hpp"
 
 namespace dynid::detail {
 
@@ -28,18 +29,23 @@ enum class Knob {
   lag,
   spring,
   backlash,
-  gravity_compensation
+  gravity_compensation,
+  load_part  ///< the first of servo_load_parts: of ServoSeries::parts, in standard deviations
 };
-constexpr int servo_knobs = 15;
+constexpr int servo_knobs = 15 + servo_load_parts;
 constexpr std::size_t at(Knob k) { return static_cast<std::size_t>(k); }
 
 using Knobs = std::array<double, servo_knobs>;
 using KnobSlopes = Eigen::Array<double, servo_knobs, 1>;
+/// A joint's state with derivatives by all that its knobs turn.
+using KnobState = ServoState<true, servo_load_parts>;
+constexpr Knob load_part(int k) { return static_cast<Knob>(static_cast<int>(Knob::load_part) + k); }
+constexpr bool is_load_part(Knob k) { return k >= Knob::load_part; }
 
 Knobs knobs_of(const Robot& robot, int joint);
 ServoJoint servo_of(const Knobs& x);
 /// d/d knob from d/d ratio.
-KnobSlopes knob_slopes(const Knobs& x, const ServoSensitivity& s);
+KnobSlopes knob_slopes(const Knobs& x, const KnobState::Sensitivity& s);
 /// Writes the knobs that differ from `nominal` into joint `joint` (from 0); gravity_compensation is of the
 /// whole arm and left out.
 void turn(Robot& robot, int joint, const Knobs& nominal, const Knobs& x);

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "dynid/dynamics/joint_scale.hpp"
 #include "identification/servo_run.hpp"
@@ -117,18 +116,18 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   };
   // Of the residuals by the nominal parameters that stand beside a payload, joint by joint, each by one
   // standard deviation; and where they stand, in those.
-  constexpr Knob beside[] = {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain};
-  constexpr Eigen::Index others = std::size(beside);
-  const auto deviation = [&](std::size_t j, Knob k) {
-    return joints[j].tolerance * std::abs(joints[j].nominal[at(k)]);
-  };
+  std::vector<Knob> beside = {Knob::kp, Knob::inertia, Knob::damping, Knob::coulomb, Knob::load_gain};
+  for (int k = 0; k < servo_load_parts; ++k) beside.push_back(load_part(k));
+  const auto others = static_cast<Eigen::Index>(beside.size());
+  const auto deviation = [&](std::size_t j, Knob k) { return nominal_deviation(joints[j], k); };
   const auto nominal_slopes = [&](const ServoPayload& payload, const std::vector<KnobFit>& knobs,
                                   const std::vector<std::vector<double>>& r) {
     std::vector<Eigen::MatrixXd> J;
     for (const std::vector<double>& of_joint : r) J.emplace_back(of_joint.size(), others);
     for (Eigen::Index k = 0; k < others; ++k) {
       std::vector<KnobFit> shifted = knobs;
-      for (std::size_t j = 0; j < joints.size(); ++j) shifted[j].x[at(beside[k])] += deviation(j, beside[k]);
+      const Knob knob = beside[static_cast<std::size_t>(k)];
+      for (std::size_t j = 0; j < joints.size(); ++j) shifted[j].x[at(knob)] += deviation(j, knob);
       const std::vector<std::vector<double>> moved = residuals(payload, shifted);
       for (std::size_t j = 0; j < r.size(); ++j) J[j].col(k) = column(r[j]) - column(moved[j]);
     }
@@ -136,9 +135,11 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   };
   const auto standing = [&](std::size_t j, const KnobFit& fit) {
     Eigen::VectorXd z = Eigen::VectorXd::Zero(others);
-    for (Eigen::Index k = 0; k < others; ++k)
-      if (const double one = deviation(j, beside[k]); one > 0.0)
-        z[k] = (fit.x[at(beside[k])] - joints[j].nominal[at(beside[k])]) / one;
+    for (Eigen::Index k = 0; k < others; ++k) {
+      const Knob knob = beside[static_cast<std::size_t>(k)];
+      if (const double one = deviation(j, knob); one > 0.0)
+        z[k] = (fit.x[at(knob)] - joints[j].nominal[at(knob)]) / one;
+    }
     return z;
   };
   const auto penalty = [&](const std::vector<KnobFit>& knobs) {
@@ -181,8 +182,10 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
         if (r[j].empty()) continue;
         const Eigen::VectorXd z = own[j].ldlt().solve(right[j] - cross[j].transpose() * change);
         for (Eigen::Index k = 0; k < others; ++k) {
-          double& x = there_knobs[j].x[at(beside[k])];
-          if (const double moved = x + part * z[k] * deviation(j, beside[k]); moved > 0.0) x = moved;
+          const Knob knob = beside[static_cast<std::size_t>(k)];
+          double& x = there_knobs[j].x[at(knob)];
+          const double moved = x + part * z[k] * deviation(j, knob);
+          if (moved > 0.0 || is_load_part(knob)) x = moved;
         }
       }
       const auto there = residuals(next, there_knobs);
@@ -223,6 +226,9 @@ ServoPayload fit_payload(const Robot& nominal, const PayloadLoads& loads,
   double tolerance = 0.0;
   for (const ServoProblemOfJoint& joint : joints) tolerance = std::max(tolerance, joint.tolerance);
   out.covariance += tolerance * tolerance * out.value * out.value.transpose();
+  // And its place against where their masses are, by half of that as a root's error is of its square.
+  out.covariance.bottomRightCorner<3, 3>().diagonal().array() +=
+      0.25 * tolerance * tolerance * out.value.tail<3>().squaredNorm();
   // A body has mass, and is within what an arm can hold.
   out.present =
       out.value[0] > 2.0 * probe * size[0] && out.value.tail<3>().norm() < 2.0 * reach * out.value[0];

@@ -176,10 +176,10 @@ void shrink_servo(const std::vector<Log>&, const std::vector<Eigen::MatrixXd>& b
   d.shrink.high = std::max(d.shrink.fraction, fractions[draws - 1 - draws / 20]);
 }
 
-void rank_servo_effects(const std::vector<ServoAnswer>& answers, const ServoPayload& payload, Diagnosis& d) {
+void rank_servo_effects(const std::vector<ServoAnswer>& answers, Diagnosis& d) {
   std::map<std::string, RankedEffect> ranked;
   for (const std::string& name : servo_effect_names()) ranked[name] = {name, 0.0, 0.0};
-  ranked["payload"] = {"payload", payload.present ? payload.probability : 0.0, 0.0};
+  ranked["payload"] = {"payload", 0.0, 0.0};
   for (const ServoAnswer& a : answers) {
     for (const auto& [name, part] : a.choice.alone)
       ranked[name].explained = std::max(ranked[name].explained, part);

@@ -20,7 +20,7 @@ void fill_servo_series(const std::vector<Log>& logs, const std::vector<Eigen::Ma
 void shrink_servo(const std::vector<Log>& logs, const std::vector<Eigen::MatrixXd>& before,
                   const std::vector<Eigen::MatrixXd>& after, const std::vector<std::vector<char>>& judging,
                   Diagnosis& d);
-void rank_servo_effects(const std::vector<ServoAnswer>& answers, const ServoPayload& payload, Diagnosis& d);
+void rank_servo_effects(const std::vector<ServoAnswer>& answers, Diagnosis& d);
 /// Verdict and judgement from gap, effects and shrink.
 void servo_verdict(const ServoCriteria& criteria, Diagnosis& d);
 /// Short horizons on the rows that judge.

@@ -239,6 +239,15 @@ class ServoSearch {
         const std::vector<Trial> tried = candidates(less, among);
         if (tried.front().evidence > better.evidence + 1.0) better = tried.front();
       }
+      // What two together imitate, one may be.
+      for (std::size_t a = 0; a < best.set.size(); ++a)
+        for (std::size_t b = a + 1; b < best.set.size(); ++b) {
+          const Trial less = without(without(best, best.set[a]), best.set[b]);
+          const Set among = others(best.set);
+          if (among.empty()) continue;
+          const std::vector<Trial> tried = candidates(less, among);
+          if (tried.front().evidence > better.evidence) better = tried.front();
+        }
       if (better.set == best.set) break;
       best = better;
     }

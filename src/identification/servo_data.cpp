@@ -36,46 +36,30 @@ struct RigidBody {
   Eigen::MatrixXd inertia, load, gravity;  // N x n
 };
 
-/// Along the measured motion, low-passed without phase: the accelerations of the other joints are needed.
+/// Along the measured motion: the accelerations of the other joints are needed.
 RigidBody along(const Robot& robot, const Log& log, double interval) {
   const int n = robot.size();
-  std::vector<Eigen::Index> fresh = {0};
-  for (Eigen::Index i = 1; i < log.t.size(); ++i)
-    if (log.t[i] > log.t[fresh.back()]) fresh.push_back(i);
-  const auto count = static_cast<Eigen::Index>(fresh.size());
-  Eigen::VectorXd t(count);
-  Eigen::MatrixXd q(count, n);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    t[i] = log.t[fresh[static_cast<std::size_t>(i)]];
-    q.row(i) = log.q.row(fresh[static_cast<std::size_t>(i)]);
-  }
-  const double rate = 1.0 / interval;
-  const auto size = std::max<Eigen::Index>(3, static_cast<Eigen::Index>((t[count - 1] - t[0]) * rate) + 1);
-  const Eigen::VectorXd grid = Eigen::VectorXd::LinSpaced(size, t[0], t[count - 1]);
-  const double grid_rate = double(size - 1) / (t[count - 1] - t[0]);
-  Eigen::MatrixXd x(size, n);
-  for (int j = 0; j < n; ++j) x.col(j) = interpolate(t, q.col(j), grid);
-  ZeroPhaseButterworth(grid_rate / 6.0, grid_rate).apply(x);
-  const Eigen::MatrixXd v = differentiate(x, grid_rate), a = differentiate(v, grid_rate);
+  const SmoothMotion m = smooth_motion(log, interval);
+  const Eigen::Index size = m.t.size();
   const Model<> model(robot);
   Workspace<> ws(model);
   Eigen::MatrixXd inertia(size, n), load(size, n), weight(size, n), M(n, n);
   Eigen::VectorXd tau(n), g(n);
   for (Eigen::Index i = 0; i < size; ++i) {
-    inverse_dynamics(model, ws, x.row(i).transpose(), v.row(i).transpose(), a.row(i).transpose(), tau);
-    mass_matrix(model, ws, x.row(i).transpose(), M);
-    gravity(model, ws, x.row(i).transpose(), g);
+    inverse_dynamics(model, ws, m.q.row(i).transpose(), m.v.row(i).transpose(), m.a.row(i).transpose(), tau);
+    mass_matrix(model, ws, m.q.row(i).transpose(), M);
+    gravity(model, ws, m.q.row(i).transpose(), g);
     weight.row(i) = g.transpose();
     inertia.row(i) = M.diagonal().transpose();
-    load.row(i) = tau.transpose() - inertia.row(i).cwiseProduct(a.row(i));
+    load.row(i) = tau.transpose() - inertia.row(i).cwiseProduct(m.a.row(i));
   }
   RigidBody out;
   out.inertia.resize(log.t.size(), n);
   out.load = out.gravity = out.inertia;
   for (int j = 0; j < n; ++j) {
-    out.inertia.col(j) = interpolate(grid, inertia.col(j), log.t);
-    out.load.col(j) = interpolate(grid, load.col(j), log.t);
-    out.gravity.col(j) = interpolate(grid, weight.col(j), log.t);
+    out.inertia.col(j) = interpolate(m.t, inertia.col(j), log.t);
+    out.load.col(j) = interpolate(m.t, load.col(j), log.t);
+    out.gravity.col(j) = interpolate(m.t, weight.col(j), log.t);
   }
   return out;
 }
@@ -161,6 +145,31 @@ void check_servo_logs(const std::vector<Log>& logs, const std::optional<Robot>& 
   for (int j = 0; j < n; ++j) check_units(logs, robot, j);
 }
 
+SmoothMotion smooth_motion(const Log& log, double interval) {
+  const auto n = log.q.cols();
+  std::vector<Eigen::Index> fresh = {0};
+  for (Eigen::Index i = 1; i < log.t.size(); ++i)
+    if (log.t[i] > log.t[fresh.back()]) fresh.push_back(i);
+  const auto count = static_cast<Eigen::Index>(fresh.size());
+  Eigen::VectorXd t(count);
+  Eigen::MatrixXd q(count, n);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    t[i] = log.t[fresh[static_cast<std::size_t>(i)]];
+    q.row(i) = log.q.row(fresh[static_cast<std::size_t>(i)]);
+  }
+  const double rate = 1.0 / interval;
+  const auto size = std::max<Eigen::Index>(3, static_cast<Eigen::Index>((t[count - 1] - t[0]) * rate) + 1);
+  SmoothMotion out;
+  out.t = Eigen::VectorXd::LinSpaced(size, t[0], t[count - 1]);
+  const double grid_rate = double(size - 1) / (t[count - 1] - t[0]);
+  out.q.resize(size, n);
+  for (Eigen::Index j = 0; j < n; ++j) out.q.col(j) = interpolate(t, q.col(j), out.t);
+  ZeroPhaseButterworth(grid_rate / 6.0, grid_rate).apply(out.q);
+  out.v = differentiate(out.q, grid_rate);
+  out.a = differentiate(out.v, grid_rate);
+  return out;
+}
+
 std::vector<std::vector<ServoSeries>> servo_series(const std::vector<Log>& logs,
                                                    const std::optional<Robot>& robot) {
   const int n = logs.front().joints();
@@ -220,6 +229,7 @@ ServoSeries part_of(const ServoSeries& s, Eigen::Index first, Eigen::Index count
     part.inertia = s.inertia.segment(first, count);
     part.load = s.load.segment(first, count);
     part.gravity = s.gravity.segment(first, count);
+    if (s.parts.rows() > 0) part.parts = s.parts.middleRows(first, count);
   }
   return part;
 }

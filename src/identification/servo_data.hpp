@@ -15,9 +15,11 @@ struct ServoSeries {
   Eigen::VectorXd t, u, q;        ///< N
   Eigen::VectorXd inertia, load;  ///< N: M_jj and the rest of the rigid body's torque; empty without one
   Eigen::VectorXd gravity;        ///< N: the part of `load` that is gravity's
-  double interval = 0.0;          ///< median of the stamps' [s]
-  double resolution = 0.0;        ///< smallest change of q, an encoder's step [rad]
-  double v0 = 0.0;                ///< velocity at the first stamp, where it is known [rad/s]
+  /// N x k: parts of `load` that may have factors of their own; empty without.
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> parts;
+  double interval = 0.0;    ///< median of the stamps' [s]
+  double resolution = 0.0;  ///< smallest change of q, an encoder's step [rad]
+  double v0 = 0.0;          ///< velocity at the first stamp, where it is known [rad/s]
   HeldCommand command;
   int log = 0;  ///< that it is of
 
@@ -32,6 +34,13 @@ void check_servo_logs(const std::vector<Log>& logs, const std::optional<Robot>& 
 /// By joint, then by log.
 std::vector<std::vector<ServoSeries>> servo_series(const std::vector<Log>& logs,
                                                    const std::optional<Robot>& robot);
+
+/// Measured motion on an even grid, low-passed without phase, with its derivatives.
+struct SmoothMotion {
+  Eigen::VectorXd t;        ///< K, the grid [s]
+  Eigen::MatrixXd q, v, a;  ///< K x n
+};
+SmoothMotion smooth_motion(const Log& log, double interval);
 
 /// servo_ratios() of joint `joint` (from 0), with the robot's effects there: the gap of its backlash, and,
 /// where kp is known, its springs (joint_spring).

@@ -22,6 +22,7 @@
 #include "dynid/model/robot_file.hpp"
 #include "dynid/model/yaml.hpp"
 #include "dynid/simulation/random_motion.hpp"
+#include "dynid/simulation/servo_plant.hpp"
 #include "simulation/robots.hpp"
 
 namespace dynid {
@@ -234,6 +235,17 @@ TEST(ServoDiagnosis, AHealthyArmHasNoGap) {
     EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected);
     EXPECT_TRUE(d.effects.empty());
     EXPECT_GT(d.p_value, 0.05);
+  }
+}
+
+// As any copy of an arm is: every servo, friction and body off by the tolerance (one standard deviation,
+// which the size of the gap may show), masses' places with them.
+TEST(ServoDiagnosis, BodiesThatAreOffHaveNoName) {
+  const Robot nominal = servo_arm();
+  for (const unsigned long seed : {1UL, 2UL}) {
+    const Robot real = perturbed_servos(nominal, DiagnoseServosOptions{}.tolerance, seed);
+    const Diagnosis d = diagnose_servos(nominal, two_logs(real), without_rollout());
+    EXPECT_TRUE(d.effects.empty());
   }
 }
 

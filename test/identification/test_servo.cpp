@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -148,6 +149,37 @@ TEST(ServoJoint, SensitivitiesAreTheDerivativesOfTheMotion) {
     run(down, below);
     const double slope = (above.q - below.q) / (2.0 * step);
     EXPECT_NEAR(exact.dq[k], slope, 2e-4 * (std::abs(slope) + 1e-3)) << "parameter " << k;
+  }
+}
+
+TEST(ServoJoint, PartsOfTheLoadHaveDerivativesToo) {
+  ServoJoint joint;
+  joint.inertia = 0.0025, joint.damping = 0.06, joint.coulomb = 0.012, joint.compliance = 0.05;
+  joint.load_friction = 0.1;
+  const Eigen::VectorXd t = stamps(400, 50.0), u = command(t, 3, 0.5);
+  const HeldCommand held(t, u);
+  const auto run = [&](const std::array<double, 2>& factors, auto& state) {
+    Eigen::Index hint = 0;
+    ServoInput in;
+    for (Eigen::Index i = 0; i + 1 < t.size(); ++i)
+      for (int k = 0; k < 4; ++k) {
+        held.fill(t[i] + 0.005 * k, 0.005, 0.0, hint, in);
+        const double part[] = {0.2 * std::cos(1.3 * t[i]), 0.1};
+        in.load = 0.4 * std::cos(1.1 * t[i]) + factors[0] * part[0] + factors[1] * part[1];
+        state.step(joint, in, part);
+      }
+  };
+  ServoState<true, 2> exact(0.0, 0.0, u[0]);
+  run({0.3, -0.2}, exact);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const double step = 1e-6;
+    std::array<double, 2> up = {0.3, -0.2}, down = up;
+    up[k] += step, down[k] -= step;
+    ServoState<false, 2> above(0.0, 0.0, u[0]), below(0.0, 0.0, u[0]);
+    run(up, above);
+    run(down, below);
+    const double slope = (above.q - below.q) / (2.0 * step);
+    EXPECT_NEAR(exact.dq[servo_parameters + static_cast<int>(k)], slope, 2e-4 * (std::abs(slope) + 1e-3));
   }
 }
 

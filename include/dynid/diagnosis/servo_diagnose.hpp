@@ -22,6 +22,12 @@ struct ServoCriteria {
   double effect_gain = 3.0;
   /// Evidence within which two effects are not told apart: e^-2 to one is one in eight.
   double indistinct = 2.0;
+  /// Evidence by which a rival has to fall short on the rows searched to be looked at no more on all rows:
+  /// odds of e^8 are more than the coarser steps of the search and the rows that judge turn round.
+  double ruled_out = 8.0;
+  /// Evidence, of rows that fit and rows that judge together, with which a rival takes an effect's place: e
+  /// to one, so that nothing goes to and fro.
+  double replaces = 1.0;
   /// Part by which an effect has to lower the mean loss on each half of the data in turn, when fitted on the
   /// other: a twentieth is what the loss of one log changes by when nothing is missing. Of the gap's energy a
   /// smaller part is no explanation, not even partly.
@@ -46,6 +52,8 @@ struct ServoCriteria {
   /// Part of such a gap's energy that an effect may leave: a rigid body that is off within the tolerance
   /// leaves more beside any effect that mimics it.
   double most_left = 0.05;
+  /// The same where what is left is below `form_error`: it explains at least as much as it leaves.
+  double most_left_of_noise = 0.5;
   int most_effects = 5;  ///< on one joint: what five parameters do not explain, a sixth seldom does
   /// Rows that effects are sought in, of all logs together; the final fit is on all.
   int searched_rows = 4000;

@@ -112,19 +112,23 @@ inline double behind_gap(double e, double gap) noexcept {
 /// The sensitivities are the derivatives of this discrete map, hence exact for it wherever it is smooth:
 /// while the joint sticks those of w are zero and those of q hold; at the step of break-away or reversal the
 /// branch is held fixed, whose boundary has measure zero and where w is continuous. Neither allocates nor
-/// throws.
-template <bool sensitive>
+/// throws. `parts`: of the rigid body's torque, by whose factors the motion is derived too, after
+/// ServoParameter's.
+template <bool sensitive, int parts = 0>
 class ServoState {
  public:
+  using Sensitivity = Eigen::Array<double, servo_parameters + parts, 1>;
+
   explicit ServoState(double q0, double v0, double command) noexcept : q(q0), v(v0), filtered(command) {
     if constexpr (sensitive) dq.setZero(), dv.setZero(), df.setZero();
   }
 
-  void step(const ServoJoint& p, const ServoInput& in) noexcept {
+  /// `part`: `parts` torques [N m] that a factor of one adds to in.load.
+  void step(const ServoJoint& p, const ServoInput& in, const double* part = nullptr) noexcept {
     using P = ServoParameter;
     const double h = in.h;
     double u = in.command;
-    ServoSensitivity du;
+    Sensitivity du;
     if constexpr (sensitive) {
       du.setZero();
       du[int(P::delay)] = -in.command_rate;
@@ -169,7 +173,7 @@ class ServoState {
       }
     }
     if constexpr (sensitive) {
-      ServoSensitivity dw;
+      Sensitivity dw;
       if (w == 0.0) {
         dw.setZero();
       } else {
@@ -198,6 +202,8 @@ class ServoState {
         dw[int(P::gravity_compensation)] += of_load * p.compliance * in.gravity;
         dw[int(P::load_friction)] -= s * std::abs(L);
         if (saturated) dw[int(P::limit)] += e > 0.0 ? 1.0 : -1.0;
+        if constexpr (parts > 0)
+          for (int m = 0; m < parts; ++m) dw[servo_parameters + m] -= of_load * p.compliance * part[m];
         dw /= D;
       }
       dq += h * dw;
@@ -210,10 +216,10 @@ class ServoState {
     v = alpha == 2.0 ? 2.0 * w - v : w;
   }
 
-  double q;                     ///< [rad]
-  double v;                     ///< [rad/s]
-  double filtered;              ///< command behind its filter [rad]
-  ServoSensitivity dq, dv, df;  ///< of q, v and filtered; unset where not `sensitive`
+  double q;                ///< [rad]
+  double v;                ///< [rad/s]
+  double filtered;         ///< command behind its filter [rad]
+  Sensitivity dq, dv, df;  ///< of q, v and filtered; unset where not `sensitive`
 
  private:
   static double threshold(double R, double f) noexcept { return R > f ? R - f : R < -f ? R + f : 0.0; }
