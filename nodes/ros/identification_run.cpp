@@ -217,8 +217,9 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
   const PipelineReport report = run(job, context);
   const ConventionReport& read =
       report.diagnose ? report.diagnose->diagnosis.conventions : report.identify.conventions;
-  result["misread"] = job.identify.assume.empty() ? misread_text(read) : "";
-  if (result["misread"] != "") result["adoptable"] = "";
+  const std::string misread = job.identify.assume.empty() ? misread_text(read) : "";
+  result["misread"] = misread;
+  if (!misread.empty()) result["adoptable"] = "";
   result["status"] = report.succeeded() ? 0 : 1;
   write_json(path("result.json"), result);
   return result;
