@@ -8,14 +8,8 @@
 
 #include "chains.hpp"
 #include "dynid/dynamics/dynamics.hpp"
+#include "sanitized.hpp"
 
-#if defined(__has_feature)  // Clang
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define DYNID_SANITIZED
-#endif
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // GCC
-#define DYNID_SANITIZED
-#endif
 #if defined(__GLIBC__) && !defined(DYNID_SANITIZED)  // a sanitizer has a malloc of its own
 #define DYNID_COUNTS_ALLOCATIONS
 

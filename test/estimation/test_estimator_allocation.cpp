@@ -7,14 +7,8 @@
 
 #include "dynamics/chains.hpp"
 #include "dynid/estimation/torque_estimator.hpp"
+#include "sanitized.hpp"
 
-#if defined(__has_feature)  // Clang
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define DYNID_SANITIZED
-#endif
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // GCC
-#define DYNID_SANITIZED
-#endif
 #if defined(__GLIBC__) && !defined(DYNID_SANITIZED)  // a sanitizer has a malloc of its own
 #define DYNID_COUNTS_ALLOCATIONS
 
