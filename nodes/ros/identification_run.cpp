@@ -15,6 +15,7 @@
 #include "dynid/model/robot_file.hpp"
 #include "dynid/model/yaml.hpp"
 #include "ros/bag.hpp"
+#include "ros/reading_watch.hpp"
 
 namespace dynid {
 namespace {
@@ -130,14 +131,6 @@ nlohmann::json identify_servo_log(const IdentificationSettings& s, const std::st
 }
 
 }  // namespace
-
-std::string misread_text(const ConventionReport& report) {
-  std::string text;
-  for (const Convention& c : report.conventions) text += (text.empty() ? "" : "; ") + c.text;
-  if (text.empty()) return text;
-  for (const std::string& other : report.equivalents) text += " (or it is " + other + ", no log can tell)";
-  return text + ": give ~assume " + report.assume;
-}
 
 std::string file_in_folder(const IdentificationSettings& settings, const std::string& name) {
   return (fs::path(settings.folder) / name).string();
