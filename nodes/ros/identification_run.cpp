@@ -15,6 +15,7 @@
 #include "dynid/model/robot_file.hpp"
 #include "dynid/model/yaml.hpp"
 #include "ros/bag.hpp"
+#include "ros/reading_watch.hpp"
 
 namespace dynid {
 namespace {
@@ -131,14 +132,6 @@ nlohmann::json identify_servo_log(const IdentificationSettings& s, const std::st
 
 }  // namespace
 
-std::string misread_text(const ConventionReport& report) {
-  std::string text;
-  for (const Convention& c : report.conventions) text += (text.empty() ? "" : "; ") + c.text;
-  if (text.empty()) return text;
-  for (const std::string& other : report.equivalents) text += " (or it is " + other + ", no log can tell)";
-  return text + ": give ~assume " + report.assume;
-}
-
 std::string file_in_folder(const IdentificationSettings& settings, const std::string& name) {
   return (fs::path(settings.folder) / name).string();
 }
@@ -217,8 +210,9 @@ nlohmann::json identify_log(const IdentificationSettings& settings, const std::s
   const PipelineReport report = run(job, context);
   const ConventionReport& read =
       report.diagnose ? report.diagnose->diagnosis.conventions : report.identify.conventions;
-  result["misread"] = job.identify.assume.empty() ? misread_text(read) : "";
-  if (result["misread"] != "") result["adoptable"] = "";
+  const std::string misread = job.identify.assume.empty() ? misread_text(read) : "";
+  result["misread"] = misread;
+  if (!misread.empty()) result["adoptable"] = "";
   result["status"] = report.succeeded() ? 0 : 1;
   write_json(path("result.json"), result);
   return result;

@@ -30,7 +30,4 @@ Trajectory find_motion(const IdentificationSettings& settings, const Context& co
 nlohmann::json identify_log(const IdentificationSettings& settings, const std::string& log,
                             const Context& context, std::ostream* summary);
 
-/// One line: what the log means instead, and the ~assume to give; empty where there is nothing to say.
-std::string misread_text(const ConventionReport& report);
-
 }  // namespace dynid

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ros/reading_watch.hpp"
 
-#include "ros/identification_run.hpp"
+#include <utility>
 
 namespace dynid {
 namespace {
@@ -10,6 +10,14 @@ namespace {
 constexpr double step = 1.0 / 3000.0, first_look = 0.25;
 
 }  // namespace
+
+std::string misread_text(const ConventionReport& report) {
+  std::string text;
+  for (const Convention& c : report.conventions) text += (text.empty() ? "" : "; ") + c.text;
+  if (text.empty()) return text;
+  for (const std::string& other : report.equivalents) text += " (or it is " + other + ", no log can tell)";
+  return text + ": give ~assume " + report.assume;
+}
 
 ReadingWatch::ReadingWatch(int joints, double window)
     : joints_(joints), window_(window), next_(first_look * window) {}

@@ -9,6 +9,9 @@
 
 namespace dynid {
 
+/// One line: what the log means instead, and the ~assume to give; empty where there is nothing to say.
+std::string misread_text(const ConventionReport& report);
+
 /// One message's worth of a robot, as it stands in the message.
 struct JointSample {
   double t = 0.0;              ///< [s] stamp

@@ -235,7 +235,8 @@ Score score(const Judged& judged, const std::vector<int>& links, int pushes, dou
     Push push;
     push.link = links[static_cast<std::size_t>(i) % links.size()];
     push.ramp = std::exp(uniform(generator, std::log(0.005), std::log(0.2)));
-    push.force = random_vector(generator, 1.0).normalized() * uniform(generator, 0.1 * force, force);
+    const double size = uniform(generator, 0.1 * force, force);  // first: the same pushes of every compiler
+    push.force = size * random_vector(generator, 1.0).normalized();
     push.first = first + static_cast<Eigen::Index>(uniform(generator, 0.0, 1.0) * double(last - first));
     const Outcome o = judge(judged, push, factor, torque);
     const bool seen = std::isfinite(o.seen);

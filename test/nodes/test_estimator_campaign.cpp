@@ -73,7 +73,7 @@ class EstimatorNode : public testing::Test {
     spinner_->start();
   }
   static void TearDownTestSuite() {
-    spinner_->stop();
+    spinner_.reset();  // it has a node handle, which must not outlive roscpp's own statics
     publisher_.reset(), alone_.reset(), tf_node_.reset(), node_.reset(), handle_.reset();
   }
 
