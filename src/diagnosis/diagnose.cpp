@@ -240,6 +240,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   say("intervals", 0.95);
   if (adopts(out.verdict)) out.effects = named(nominal, moving, judged_on, judged, options);
   std::vector<std::string> names;
+  names.reserve(logs.size());
   for (const Log& log : logs) names.push_back(log.source);
   put_series(nominal, everything, judged_on, judged, names, out);
   if (options.replay) {

@@ -136,12 +136,12 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
     for (Eigen::Index i = 0; i <= steps; ++i) {
       t.push_back(m.t[first + i]);
       start.push_back(static_cast<int>(k));
-      measured.push_back(m.q.row(first + i));
+      measured.emplace_back(m.q.row(first + i));
     }
     const int sub = std::max(1, static_cast<int>(std::ceil(1.0 / (m.rate * shortest_step) - 1e-9)));
     for (int which = 0; which < 2; ++which) {
       Eigen::VectorXd q = m.q.row(first).transpose(), v = m.dq.row(first).transpose(), tau(n);
-      replayed[which].push_back(q.transpose());
+      replayed[which].emplace_back(q.transpose());
       for (Eigen::Index i = 0; i < steps; ++i) {
         for (int s = 0; s < sub; ++s) {
           const double part = (s + 0.5) / sub;
@@ -150,7 +150,7 @@ Rollout roll_out(const Robot& nominal, const std::vector<FoundEffect>& effects, 
           tau -= ((1.0 - part) * off.row(first + i) + part * off.row(first + i + 1)).transpose();
           replays[which].step(q, v, tau, 1.0 / (m.rate * sub));
         }
-        replayed[which].push_back(q.transpose());
+        replayed[which].emplace_back(q.transpose());
       }
       for (Eigen::Index h = 0; h < count; ++h) {
         const auto at = static_cast<Eigen::Index>(std::lround(horizons[h] * m.rate));

@@ -229,7 +229,7 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
   if (other.moves_.size() > 0) moves_ = other.moves_(rows, Eigen::all);
   active = moves_.size() > 0 ? Eigen::VectorXd(moves_.colwise().sum().transpose().cwiseMax(1.0))
                              : Eigen::VectorXd::Constant(y.cols(), double(size()));
-  for (const Eigen::MatrixXd& columns : other.nuisance) nuisance.push_back(columns(rows, Eigen::all));
+  for (const Eigen::MatrixXd& columns : other.nuisance) nuisance.emplace_back(columns(rows, Eigen::all));
 }
 
 double GapRows::start(int of_log) const {
@@ -309,7 +309,7 @@ GapRows GapRows::moving(double times) const {
   GapRows out = *this;
   // What the wider band has of speed beyond the motion's is what the sensor does not resolve.
   std::vector<Eigen::MatrixXd> beyond;
-  for (const GapMotion& m : *motions_) beyond.push_back(m.speed - m.dq);
+  for (const GapMotion& m : *motions_) beyond.emplace_back(m.speed - m.dq);
   Eigen::MatrixXd moves = Eigen::MatrixXd::Ones(size(), joints());
   for (int j = 0; j < joints(); ++j) {
     std::vector<double> noise;

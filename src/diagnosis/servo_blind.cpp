@@ -218,7 +218,8 @@ std::function<void(double, const Eigen::VectorXd&, const Eigen::VectorXd&, Eigen
   std::normal_distribution<double> normal;
   double x = 0.0, smooth = 0.0;
   constexpr double dt = 0.01;
-  for (double t = 0.0; t <= s.duration + dt; t += dt) {
+  const auto steps = static_cast<std::size_t>(std::ceil(s.duration / dt)) + 2;
+  for (std::size_t k = 0; k < steps; ++k) {
     x += -x * dt / 0.5 + normal(random) * std::sqrt(2.0 * dt / 0.5);
     smooth += (x - smooth) * dt / 0.1;
     wander.push_back(smooth);
