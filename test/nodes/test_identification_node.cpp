@@ -348,6 +348,9 @@ TEST_F(IdentificationNode, DoesItAllByItself) {
       node_.advertiseService("/automatic/torque_estimator/load_parameters", load);
   ros::Publisher states = publisher("/automatic");
   const Log recorded = log();
+  // It starts once it has seen where the robot is: what comes before that is not recorded.
+  publish(states, recorded, 1);
+  ASSERT_TRUE(node.said("recording: waiting for")) << node.lines();
   publish(states, recorded, recorded.samples());
   ASSERT_TRUE(node.said("has adopted")) << node.lines();
   EXPECT_TRUE(loaded);
