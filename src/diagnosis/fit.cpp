@@ -237,6 +237,24 @@ Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& term
   return covariance;
 }
 
+Eigen::VectorXd answer_to(const GapRows& rows, const std::vector<Term>& terms, const Eigen::MatrixXd& more,
+                          const std::vector<ChannelNoise>& noise, double kappa) {
+  std::vector<Term> free;
+  std::copy_if(terms.begin(), terms.end(), std::back_inserter(free),
+               [](const Term& t) { return !t.fixed(); });
+  const Assembled all = assemble(rows, more, free);
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size);
+  Eigen::VectorXd h = Eigen::VectorXd::Zero(all.size);
+  for (int j = 0; j < rows.joints(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const Normal normal =
+        normal_equations(seen(rows, all.y.col(j), all.columns[at], whitener(rows, j, noise[at], kappa)));
+    G(all.where[at], all.where[at]) += normal.G;
+    h(all.where[at]) += normal.h;
+  }
+  return solve(G, h, nullptr);
+}
+
 Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const ChannelNoise& noise) {
   const Eigen::Index lags = noise.ar.size();
   Eigen::Index size = 0;

@@ -114,6 +114,10 @@ Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term
 Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
                               const std::vector<ChannelNoise>& noise, double kappa);
 
+/// What those coefficients become where `more` (rows x n) is added to the gap, in the same noise.
+Eigen::VectorXd answer_to(const GapRows& rows, const std::vector<Term>& terms, const Eigen::MatrixXd& more,
+                          const std::vector<ChannelNoise>& noise, double kappa);
+
 /// `x` (rows x columns) whitened by the noise, in units of its standard deviation; the first rows of every
 /// part, which have no past, are left out.
 Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const ChannelNoise& noise);

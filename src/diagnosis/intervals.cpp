@@ -13,6 +13,9 @@ namespace dynid::detail {
 namespace {
 
 constexpr double difference = 1e-3;  // of a shape parameter, in parts of its scale
+// Nominal models as far off as this one may be, that an effect is computed from: their sum of squares has a
+// relative error of a half.
+constexpr int models_off = 8;
 
 /// The values of an effect over all its units, arrays over joints filled with zeros elsewhere.
 struct Values {
@@ -86,9 +89,10 @@ ShapeSlopes shape_slopes(const GapRows& rows, const Adopted& e, const Eigen::Vec
 }
 
 /// A root of the covariance of the effect's coefficients and measured shape parameters beside everything that
-/// is free in the model.
+/// is free in the model: the noise's part times `factor`, and the part of a nominal model that is off where
+/// effects are computed from it (a load, a limit), which no residual shows.
 Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, Eigen::Index first,
-                                   Eigen::Index mine, const ShapeSlopes& shapes) {
+                                   Eigen::Index mine, const ShapeSlopes& shapes, double factor) {
   std::vector<Term> terms = terms_of(model.effects);
   const Eigen::Index all = model.fit.theta.size();
   for (const RowBlock& slope : shapes.slopes) terms.push_back({&slope});
@@ -96,7 +100,22 @@ Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, E
   std::vector<Eigen::Index> chosen;
   for (Eigen::Index k = 0; k < mine; ++k) chosen.push_back(first + k);
   for (std::size_t k = 0; k < shapes.slopes.size(); ++k) chosen.push_back(all + static_cast<Eigen::Index>(k));
-  const Eigen::MatrixXd covariance = wide(chosen, chosen);
+  Eigen::MatrixXd covariance = factor * factor * wide(chosen, chosen);
+  if (model.kappa > 0.0) {
+    const Eigen::MatrixXd as_it_is = contribution(rows, model, model.fit.theta);
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal(0.0, model.kappa);
+    for (int k = 0; k < models_off; ++k) {
+      const Eigen::VectorXd parts =
+          Eigen::VectorXd::NullaryExpr(10 * rows.joints(), [&] { return normal(random); });
+      const Eigen::MatrixXd more =
+          contribution(rows.with_links_off(parts), model, model.fit.theta) - as_it_is;
+      if (more.isZero(0.0)) break;  // none of the effects is computed from it
+      const Eigen::VectorXd moved =
+          answer_to(rows, terms, more, model.fit.noise, model.kappa)(chosen) / std::sqrt(double(models_off));
+      covariance += moved * moved.transpose();
+    }
+  }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
@@ -131,7 +150,8 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   const Eigen::Index mine = e.coefficients();
   const Eigen::VectorXd theta = model.fit.theta.segment(first, mine);
   const ShapeSlopes slopes = shape_slopes(rows, e, theta);
-  const Eigen::MatrixXd root = root_of_covariance(rows, model, first, mine, slopes);
+  const double factor = model.kappa > 0.0 ? by.interval_factor_off : by.interval_factor;
+  const Eigen::MatrixXd root = root_of_covariance(rows, model, first, mine, slopes, factor);
   std::vector<Eigen::VectorXd> shapes;
   for (const UnitShape& u : e.units) shapes.push_back(u.shape);
   const Values best = values_of(robot, e, theta, shapes);
@@ -140,11 +160,10 @@ FoundEffect found_effect(const Robot& robot, const GapRows& rows, const GapModel
   for (const Eigen::VectorXd& v : best.values) drawn.emplace_back(v.size(), draws);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
-  const double factor = model.kappa > 0.0 ? by.interval_factor_off : by.interval_factor;
   for (int d = 0; d < draws; ++d) {
     Eigen::VectorXd z(root.cols());
     for (double& x : z) x = normal(random);
-    const Eigen::VectorXd change = factor * (root * z);
+    const Eigen::VectorXd change = root * z;
     std::vector<Eigen::VectorXd> moved = shapes;
     for (std::size_t k = 0; k < slopes.of.size(); ++k) {
       const auto& [unit, s] = slopes.of[k];

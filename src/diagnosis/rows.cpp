@@ -10,6 +10,8 @@
 
 #include "alike.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
+#include "dynid/dynamics/inverse_dynamics.hpp"
+#include "dynid/dynamics/workspace.hpp"
 #include "dynid/friction/friction.hpp"
 
 namespace dynid::detail {
@@ -301,6 +303,31 @@ std::vector<ShapeParameter> GapRows::shape(const Hypothesis& h, int unit) const 
 GapRows GapRows::late(const Eigen::VectorXd& lateness) const {
   GapRows out = *this;
   out.lateness_ = lateness;
+  return out;
+}
+
+GapRows GapRows::with_links_off(const Eigen::VectorXd& parts_off) const {
+  GapRows out = *this;
+  Motions motions = *motions_;
+  Robot change = motions.front().robot();  // the torque is linear in the parameters
+  for (int j = 0; j < joints(); ++j) {
+    StandardParameters& p = change.joints[static_cast<std::size_t>(j)].parameters;
+    p = sizes(p).cwiseProduct(parts_off.segment<10>(10 * j));
+  }
+  const Model<> model(change);
+  Workspace<> ws(model);
+  Eigen::VectorXd q_i(joints()), dq_i(joints()), ddq_i(joints()), torque(joints());
+  for (GapMotion& m : motions) {
+    for (Eigen::Index i = 0; i < m.samples(); ++i) {
+      q_i = m.q.row(i);
+      dq_i = m.dq.row(i);
+      ddq_i = m.ddq.row(i);
+      inverse_dynamics(model, ws, q_i, dq_i, ddq_i, torque);
+      m.rigid.row(i) += torque.transpose();
+      m.nominal.row(i) += torque.transpose();
+    }
+  }
+  out.motions_ = std::make_shared<const Motions>(std::move(motions));
   return out;
 }
 

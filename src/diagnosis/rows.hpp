@@ -56,6 +56,9 @@ class GapRows {
   /// speed stays below so many times what its sensor resolves.
   GapRows moving(double times) const;
   const Eigen::VectorXd& lateness() const { return lateness_; }
+  /// The same rows, effects being computed from a nominal model whose links are off by `parts` (10 n) of what
+  /// their parameters are measured against; the gap stays what it is.
+  GapRows with_links_off(const Eigen::VectorXd& parts) const;
   /// Any signals over the motions' samples (one matrix a motion), filtered and decimated alike.
   Eigen::MatrixXd filtered(const std::vector<Eigen::MatrixXd>& signals) const;
   const std::vector<GapMotion>& motions() const { return *motions_; }

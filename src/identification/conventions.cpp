@@ -179,8 +179,8 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
     if (!search->found().empty()) {
       const std::vector<bool> clipped = clipped_joints(logs, options.most_clipped);
       search->add_free_factors();
-      // The best few once more, on an arm that may carry something.
-      const ReadingCandidate as_is = search->with_payload(search->before());
+      // The best few once more, on an arm that may carry something; as it stands, one link may also be wrong.
+      const ReadingCandidate as_is = search->with_wrong_body(search->before());
       std::vector<ReadingCandidate>& found = search->found();
       for (std::size_t k = 0; k < std::min(found.size(), options.tried_again); ++k)
         found[k] = search->with_payload(found[k]);

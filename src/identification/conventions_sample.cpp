@@ -94,8 +94,8 @@ class Kernel final : public NominalKernel {
     }
   }
 
-  void last_link(const ConventionSample& sample, const Reading& reading,
-                 std::vector<Eigen::MatrixXd>& out) override {
+  void link(const ConventionSample& sample, const Reading& reading, int link,
+            std::vector<Eigen::MatrixXd>& out) override {
     const int n = sample.joints();
     sample.motion(reading, Q_, V_, A_);
     model_.set_gravity(reading.gravity);
@@ -107,7 +107,7 @@ class Kernel final : public NominalKernel {
         q_[j] = Q_[at][i % 8], dq_[j] = V_[at][i % 8], ddq_[j] = A_[at][i % 8];
       }
       regressor(model_, ws_, q_, dq_, ddq_, Y);
-      for (int j = 0; j < n; ++j) out[j].row(i) = Y.row(j).tail<10>();
+      for (int j = 0; j < n; ++j) out[j].row(i) = Y.row(j).segment<10>(10 * link);
     }
   }
 

@@ -81,9 +81,9 @@ class NominalKernel {
   /// rows x n, whole torque under gravity g.
   virtual void torque(const ConventionSample& sample, const Reading& reading, const Eigen::Vector3d& g,
                       Eigen::MatrixXd& out) = 0;
-  /// Ten columns of the last link for every row and joint: out[j] is rows x 10.
-  virtual void last_link(const ConventionSample& sample, const Reading& reading,
-                         std::vector<Eigen::MatrixXd>& out) = 0;
+  /// Ten columns of a link, from 0, for every row and joint: out[j] is rows x 10.
+  virtual void link(const ConventionSample& sample, const Reading& reading, int link,
+                    std::vector<Eigen::MatrixXd>& out) = 0;
 };
 std::unique_ptr<NominalKernel> make_kernel(const Robot& robot);
 

@@ -57,6 +57,9 @@ class ConventionSearch {
   /// The same reading of an arm that carries a payload, of any size that can exist: the physical explanation
   /// that comes nearest to another reading, and what hides one. Factors of joints are fitted with it.
   ReadingCandidate with_payload(const ReadingCandidate& from);
+  /// The same of an arm that carries a payload or one of whose links, whichever explains most, is any other
+  /// body that can exist.
+  ReadingCandidate with_wrong_body(const ReadingCandidate& from);
   /// The reading without one of its parts, each in turn: a joint's zero or sign, a cycle of the order, ...
   std::vector<Reading> without_a_part(const Reading& reading) const;
   /// What a reading explains, with whatever the arm may carry.
@@ -121,10 +124,12 @@ class ConventionSearch {
   void try_free_zeros(const Reading& base);
   /// Halves the step about each joint's zero until it stands still.
   void refine(Reading& r);
-  /// The body nearest to the least-squares solution of H x = g that can exist; its mass hardly above the
-  /// arm's.
-  Eigen::Matrix<double, 10, 1> physical_fit(Eigen::Matrix<double, 10, 10> H,
-                                            const Eigen::Matrix<double, 10, 1>& g, double arm_mass) const;
+  /// The reading with `link`, from 0, another body than `known`: zero for a payload, which is more than none.
+  ReadingCandidate with_more(const ReadingCandidate& from, int link, const StandardParameters& known);
+  /// What is nearest to the least-squares solution of H x = g such that known + x can exist; its mass hardly
+  /// above the arm's.
+  StandardParameters physical_fit(Eigen::Matrix<double, 10, 10> H, const StandardParameters& g,
+                                  double arm_mass, const StandardParameters& known) const;
   const Robot& robot_;
   int n_;
   ConventionOptions options_;
