@@ -119,8 +119,11 @@ Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, Eigen
   const Eigen::Index p = sum.front().rows();
   double here = 0.0;
   Eigen::Index begin = 0, end = 0;
-  for (std::size_t part = 0; part + 1 < rows.parts.size(); ++part) {
-    const Eigen::Index first = rows.parts[part], last = rows.parts[part + 1];
+  // A window goes on across what is kept to judge: a log's rows are a stretch, whatever their parts.
+  for (Eigen::Index first = 0, last = 0; first < rows.size(); first = last) {
+    while (last < rows.size() &&
+           rows.log[static_cast<std::size_t>(last)] == rows.log[static_cast<std::size_t>(first)])
+      ++last;
     for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, longest);
          length = std::max(length + 1, length * 5 / 4)) {
       for (Eigen::Index i = first; i + length <= last; i += std::max<Eigen::Index>(1, length / 12)) {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "dynid/effect/complete.hpp"
 #include "identification/servo_data.hpp"
@@ -13,8 +12,6 @@ namespace dynid::detail {
 namespace {
 
 using P = ServoParameter;
-
-constexpr double none = std::numeric_limits<double>::infinity();
 
 /// Ratios that are a torque over kp, and their knobs.
 constexpr std::pair<P, Knob> over_kp[] = {{P::inertia, Knob::inertia},      {P::damping, Knob::damping},
