@@ -42,7 +42,7 @@ double Evaluator::cost(const Adopted& effect) const {
 }
 
 double Evaluator::price(const Hypothesis& h, const UnitShape& unit) const {
-  const double coefficients = h.shape_only() ? 0.0 : double(unit.block->size());
+  const double coefficients = h.shape_only() ? 0.0 : double(unit.block->directions);
   return (0.5 * std::log(double(rows.size())) + 1.5) * (coefficients + double(unit.shape.size())) +
          (h.scope() == Scope::arm ? 0.0 : std::log(double(rows.joints())));
 }

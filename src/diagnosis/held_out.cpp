@@ -69,24 +69,45 @@ GapModel fitted_within(const GapRows& rows, const GapModel& model) {
   return fitted_on(GapRows(rows, alternate(rows, true, within_length(rows), 1)), model);
 }
 
-Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
-                     unsigned seed) {
-  // Either half judges what the other has fitted: what is brief may be in one of them alone.
-  const double length = within_length(rows);
-  Eigen::MatrixXd before(0, rows.joints()), after = before;
+namespace {
+
+/// The gap, and what is left of it, where either half judges what the other has fitted: what is brief may be
+/// in one of them alone.
+struct Within {
+  Eigen::MatrixXd before, after;
   std::vector<double> block;
+};
+/// `nominal_too`: what the nominal model's errors explain in the judging half is not left.
+Within judged_by_halves(const GapRows& rows, const GapModel& model, bool nominal_too) {
+  const double length = within_length(rows);
+  Within out{Eigen::MatrixXd(0, rows.joints()), Eigen::MatrixXd(0, rows.joints()), {}};
   for (const bool fits : {true, false}) {
     const GapRows fitting(rows, alternate(rows, fits, length, 1)),
         judging(rows, alternate(rows, !fits, length, 1));
     const GapModel part = fitted_on(fitting, model);
-    const Eigen::Index first = before.rows();
-    before.conservativeResize(first + judging.size(), Eigen::NoChange);
-    after.conservativeResize(first + judging.size(), Eigen::NoChange);
-    before.bottomRows(judging.size()) = judging.y;
-    after.bottomRows(judging.size()) = judging.y - contribution(judging, part, part.fit.theta);
-    for (const double b : blocks_of(judging, block_length(rows))) block.push_back(b);
+    const Eigen::MatrixXd left = judging.y - contribution(judging, part, part.fit.theta);
+    const Eigen::Index first = out.before.rows();
+    out.before.conservativeResize(first + judging.size(), Eigen::NoChange);
+    out.after.conservativeResize(first + judging.size(), Eigen::NoChange);
+    out.before.bottomRows(judging.size()) = judging.y;
+    out.after.bottomRows(judging.size()) =
+        nominal_too ? fit_terms(judging, left, {}, model.kappa).residual : left;
+    for (const double b : blocks_of(judging, block_length(rows))) out.block.push_back(b);
   }
-  return shrink_of(before, after, block, floor, seed);
+  return out;
+}
+
+}  // namespace
+
+Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor,
+                     unsigned seed) {
+  const Within w = judged_by_halves(rows, model, false);
+  return shrink_of(w.before, w.after, w.block, floor, seed);
+}
+
+double explained_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor) {
+  const Within w = judged_by_halves(rows, model, true);
+  return shrink_fraction(w.before, w.after, floor);
 }
 
 }  // namespace dynid::detail

@@ -13,5 +13,7 @@ Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen:
 /// A contact does not come again: its window is fitted in every other block and judged in those between.
 GapModel fitted_within(const GapRows& rows, const GapModel& model);
 Shrink shrink_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor, unsigned seed);
+/// Part of the gap that is explained so, by the effects or by the nominal model's errors beside them.
+double explained_within(const GapRows& rows, const GapModel& model, const Eigen::VectorXd& floor);
 
 }  // namespace dynid::detail

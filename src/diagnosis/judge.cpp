@@ -41,8 +41,10 @@ class Judge {
       // A drift starts anew in each log, or is over: it may come back at another size, but nothing else may.
       least = std::min(least, taken(held, fit_of(held, carried(held, m.effects), m.kappa).residual));
     }
-    if ((window && m.effects.size() == 1) || alone)  // a window of anything fits
+    if (window && m.effects.size() == 1)  // a window of anything fits
       least = std::min(least, std::max(0.0, shrink.fraction));
+    else if (alone)
+      least = std::min(least, std::max(0.0, explained_within(rows, m, noise_)));
     return least;
   }
 

@@ -35,6 +35,25 @@ Eigen::Matrix<double, 10, 1> sizes(const StandardParameters& p) {
   return out;
 }
 
+/// The columns' rank, each joint in units of its floor: what filters and differences leave of a column that
+/// is a sum of others is below the part taken for nothing, the square root of what a double resolves.
+Eigen::Index directions_of(const RowBlock& block, const Eigen::VectorXd& floor) {
+  constexpr double nothing = 1e-8;
+  const Eigen::Index size = block.size();
+  if (size < 2) return size;
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(size, size);
+  for (std::size_t k = 0; k < block.channels.size(); ++k) {
+    const double unit = floor[block.channels[k]];
+    G += block.values[k].transpose() * block.values[k] / (unit > 0.0 ? unit * unit : 1.0);
+  }
+  const Eigen::VectorXd scale =
+      G.diagonal().cwiseSqrt().unaryExpr([](double x) { return x > 0.0 ? 1.0 / x : 0.0; });
+  G = scale.asDiagonal() * G * scale.asDiagonal();
+  const Eigen::VectorXd values =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(G, Eigen::EigenvaluesOnly).eigenvalues();
+  return std::max<Eigen::Index>(1, (values.array() > nothing * values.maxCoeff()).count());
+}
+
 }  // namespace
 
 void GapRows::add(Motions& motions, Stretches& stretches, GapMotion motion, const DecimatingFilter& filter,
@@ -291,6 +310,7 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
     out.values.push_back(filtered(signals));
     if (moves_.size() > 0) out.values.back().array().colwise() *= moves_.col(out.channels[k]).array();
   }
+  out.directions = directions_of(out, white_floor);
   return out;
 }
 

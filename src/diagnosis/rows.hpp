@@ -19,6 +19,7 @@ struct RowBlock {
   std::vector<int> channels;
   std::vector<Eigen::MatrixXd> values;
   Eigen::VectorXd nominal{};  ///< what the coefficients add to, in Hypothesis::possible(); empty: anything is
+  Eigen::Index directions = 0;  ///< of the coefficients, that the rows show: a body of one joint has not ten
   Eigen::Index size() const { return values.empty() ? 0 : values.front().cols(); }
   const Eigen::MatrixXd* find(int channel) const {
     for (std::size_t k = 0; k < channels.size(); ++k)

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A rigid body at the flange: ten columns of the last link. Its com and inertia are in the last link's frame.
+// A rigid body at the flange: ten columns of the last link. Its coefficients are about the flange, in the
+// axes of the last link: what no torque of the log shows of it is then that of a body at the flange, and not
+// of one in the last joint. What is said of it (com, inertia) is in the last link's frame.
 #include <algorithm>
 
 #include "../body.hpp"
@@ -19,12 +21,14 @@ class Payload : public Hypothesis {
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd&) const override {
     ColumnBlock block;
     block.values = motion.link_columns(motion.joints() - 1);
+    const Matrix10 from_flange = shift(motion.robot().tip.translation());
+    for (Eigen::MatrixXd& columns : block.values) columns *= from_flange;
     for (int j = 0; j < motion.joints(); ++j) block.channels.push_back(j);
     return block;
   }
-  std::vector<NamedValue> parameters(const Robot&, int, const Eigen::VectorXd& c,
+  std::vector<NamedValue> parameters(const Robot& robot, int, const Eigen::VectorXd& c,
                                      const Eigen::VectorXd&) const override {
-    const LinkInertia body = from_standard(StandardParameters(c));
+    const LinkInertia body = from_standard(StandardParameters(shift(robot.tip.translation()) * c));
     Eigen::VectorXd inertia(6);
     inertia << body.inertia(0, 0), body.inertia(0, 1), body.inertia(0, 2), body.inertia(1, 1),
         body.inertia(1, 2), body.inertia(2, 2);
@@ -32,16 +36,15 @@ class Payload : public Hypothesis {
             {"com", "m", body.com, false},
             {"inertia", "kg m^2", inertia, false}};
   }
-  void restore(const Robot&, const Effect& effect, int, Eigen::VectorXd& c,
+  void restore(const Robot& robot, const Effect& effect, int, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
-    c = to_standard(body(effect));
+    c = shift(-robot.tip.translation()) * to_standard(body(effect));
     shape.resize(0);
   }
   bool plausible(const Robot& robot, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     if (!(c[0] > 0.0)) return false;
     const double reach = arm_reach(robot);
-    const Eigen::Vector3d flange = robot.tip.translation(),
-                          com = Eigen::Vector3d(c.segment<3>(1) / c[0]) - flange;
+    const Eigen::Vector3d flange = robot.tip.translation(), com = c.segment<3>(1) / c[0];
     if (com.norm() > farthest * reach) return false;
     // Where the model says where the flange is, what it carries is in front of it: along the flange's own
     // axis z or, where that points elsewhere, on the side away from the last link.
@@ -60,6 +63,16 @@ class Payload : public Hypothesis {
   }
 
  private:
+  using Matrix10 = Eigen::Matrix<double, 10, 10>;
+  /// Standard parameters about a point, from those about one that lies at `by` [m] from it.
+  static Matrix10 shift(const Eigen::Vector3d& by) {
+    Eigen::Matrix4d move = Eigen::Matrix4d::Identity();
+    move.topRightCorner<3, 1>() = by;
+    Matrix10 out;
+    for (int k = 0; k < 10; ++k)
+      out.col(k) = from_pseudo_inertia(move * pseudo_inertia(StandardParameters::Unit(k)) * move.transpose());
+    return out;
+  }
   static LinkInertia body(const Effect& effect) {
     LinkInertia b;
     b.mass = arm_value(effect, "mass", 1)[0];
