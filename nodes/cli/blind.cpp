@@ -23,6 +23,7 @@ struct Arguments {
 void run(const Arguments& a) {
   BlindJob job;
   job.options = a.options;
+  job.options.family = a.options.family || a.options.given_robot;
   check_options(job);
   if (a.servo && !a.calibration.empty())
     throw Error("blind: --calibrate is of torque logs: a diagnosis of servo logs is not calibrated");
@@ -57,7 +58,12 @@ void add_blind(CLI::App& app, int& status) {
           "friction, no rotors, inertials off by 5 and 10 %; mixed: the first three in turn")
       ->transform(CLI::CheckedTransformer(blind_kinds()))
       ->type_name("KIND");
-  command->add_flag("--family", a->options.family, "An arm, a motion and a rate of its own for each case");
+  CLI::Option* const family = command->add_flag("--family", a->options.family,
+                                                "An arm, a motion and a rate of its own for each case");
+  command
+      ->add_flag("--motions", a->options.given_robot,
+                 "A motion, a rate and a length of its own for each case, all of the arm of --model")
+      ->excludes(family);
   command->add_flag("--servo", a->servo,
                     "Servo logs: commands and positions, no torque; each case has servos of its own");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")

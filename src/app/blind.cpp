@@ -51,7 +51,9 @@ std::string BlindReport::calibration() const {
   return calibration_yaml(fit_calibration(cases), "dynid blind --cases " + std::to_string(options.cases) +
                                                       " --seed " + std::to_string(options.seed) + " --kind " +
                                                       word_for(blind_kinds(), options.kind) +
-                                                      (options.family ? " --family" : "") +
+                                                      (options.given_robot ? " --motions"
+                                                       : options.family    ? " --family"
+                                                                           : "") +
                                                       " --calibrate FILE");
 }
 

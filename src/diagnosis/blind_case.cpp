@@ -86,7 +86,8 @@ Stage stage_of(const Robot& nominal, const BlindOptions& options, int index, int
   stage.run.rate = options.rate;
   stage.run.duration = options.duration;
   if (options.family) {
-    stage.robot = random_family_robot(random());
+    const unsigned long seed = random();
+    if (!options.given_robot) stage.robot = random_family_robot(seed);
     stage.run = random_family_run(random());
   }
   if (stage.vendor && lacking(stage.robot).size() < 2) give_drives(stage.robot, random);

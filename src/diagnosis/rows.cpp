@@ -35,23 +35,30 @@ Eigen::Matrix<double, 10, 1> sizes(const StandardParameters& p) {
   return out;
 }
 
-/// The columns' rank, each joint in units of its floor: what filters and differences leave of a column that
-/// is a sum of others is below the part taken for nothing, the square root of what a double resolves.
-Eigen::Index directions_of(const RowBlock& block, const Eigen::VectorXd& floor) {
-  constexpr double nothing = 1e-8;
+/// Counts the directions of the columns, each joint in units of its floor, and makes columns zero that are
+/// but what rounding leaves of a zero: they would be fitted to.
+void count_directions(RowBlock& block, const Eigen::VectorXd& floor) {
+  constexpr double nothing = 1e-8;  // of energies: about what a double resolves of a sum that cancels
   const Eigen::Index size = block.size();
-  if (size < 2) return size;
+  block.directions = size;
+  if (size < 2) return;
   Eigen::MatrixXd G = Eigen::MatrixXd::Zero(size, size);
   for (std::size_t k = 0; k < block.channels.size(); ++k) {
     const double unit = floor[block.channels[k]];
     G += block.values[k].transpose() * block.values[k] / (unit > 0.0 ? unit * unit : 1.0);
   }
-  const Eigen::VectorXd scale =
-      G.diagonal().cwiseSqrt().unaryExpr([](double x) { return x > 0.0 ? 1.0 / x : 0.0; });
+  const double least = nothing * nothing * G.diagonal().maxCoeff();
+  Eigen::VectorXd scale = Eigen::VectorXd::Zero(size);
+  for (Eigen::Index c = 0; c < size; ++c) {
+    if (G(c, c) > least)
+      scale[c] = 1.0 / std::sqrt(G(c, c));
+    else
+      for (Eigen::MatrixXd& values : block.values) values.col(c).setZero();
+  }
   G = scale.asDiagonal() * G * scale.asDiagonal();
-  const Eigen::VectorXd values =
+  const Eigen::VectorXd energies =
       Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(G, Eigen::EigenvaluesOnly).eigenvalues();
-  return std::max<Eigen::Index>(1, (values.array() > nothing * values.maxCoeff()).count());
+  block.directions = std::max<Eigen::Index>(1, (energies.array() > nothing * energies.maxCoeff()).count());
 }
 
 }  // namespace
@@ -310,7 +317,7 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
     out.values.push_back(filtered(signals));
     if (moves_.size() > 0) out.values.back().array().colwise() *= moves_.col(out.channels[k]).array();
   }
-  out.directions = directions_of(out, white_floor);
+  count_directions(out, white_floor);
   return out;
 }
 

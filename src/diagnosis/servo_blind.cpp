@@ -63,7 +63,8 @@ struct ServoStage {
 ServoStage stage_of(const Robot& nominal, const BlindOptions& options, BlindKind kind,
                     std::mt19937_64& random) {
   ServoStage s;
-  s.nominal = with_random_servos(options.family ? random_family_robot(random()) : nominal, random());
+  s.nominal = with_random_servos(
+      options.family && !options.given_robot ? random_family_robot(random()) : nominal, random());
   const int n = s.nominal.size();
   double fastest = 0.0;
   s.lag = s.speed = s.largest = s.load = Eigen::VectorXd::Zero(n);

@@ -29,6 +29,8 @@ struct BlindOptions {
   /// random_family_robot() and random_family_run(), and 0 to 3 effects; the nominal robot, `duration` and
   /// `rate` are not used.
   bool family = false;
+  /// The nominal robot is the arm of every case of the family: all else is drawn. Needs its limits.
+  bool given_robot = false;
   /// Where logs (with, in the family, each case's nominal model) and, apart from them, labels are written.
   std::string folder;
   double duration = 12.0;  ///< [s] of each of a case's two logs
