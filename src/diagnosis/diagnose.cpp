@@ -170,6 +170,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
          "1",
          "outside the arms and logs that the probabilities were calibrated on: " + join(outside)});
   GapRows everything(nominal, out.logs);
+  everything.allow_for_colour(logs);
   const int count = static_cast<int>(logs.size());
   const bool longer = everything.size() > options.criteria.searched_rows;
   // Effects are sought in a spread of windows, and judged on all rows.
@@ -215,7 +216,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
                         surrogates(rows, none.fit.residual, options.surrogates, options.seed));
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd residual = rms(choice->model.fit.residual);
-  out.floor = residual.cwiseMin(options.criteria.floor_room * rows.white_floor).cwiseMax(rows.white_floor);
+  out.floor = residual.cwiseMin(options.criteria.floor_room * rows.coloured_floor).cwiseMax(rows.white_floor);
 
   const GapSize size = gap_size(everything, out.floor, options.tolerance, options.criteria);
   out.p_value = size.p_value;

@@ -48,7 +48,7 @@ Eigen::VectorXd carried_load(const GapRows& rows, const Criteria& criteria) {
 bool left_over(const GapRows& rows, const Eigen::MatrixXd& residual, double tolerance,
                const Criteria& criteria) {
   return (rms(residual).array() >
-          (criteria.left_over * rows.white_floor + tolerance * carried_load(rows, criteria)).array())
+          (criteria.left_over * rows.coloured_floor + tolerance * carried_load(rows, criteria)).array())
       .any();
 }
 

@@ -21,8 +21,11 @@ constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a s
 constexpr Eigen::Index directions = 24;  // of the nuisance, at most
 constexpr double usual_error =
     0.03;  // of the nominal's parameters, relatively: the largest that the search assumes
-constexpr double least_seen = 0.1;        // of the white floor: what is smaller, in a hundred parts of energy
-constexpr double least_floor = 1e-4;      // of the largest load of a joint of its type
+constexpr double least_seen = 0.1;    // of the white floor: what is smaller, in a hundred parts of energy
+constexpr double least_floor = 1e-4;  // of the largest load of a joint of its type
+// Of the samples' white noise: what Criteria::left_over takes for noise is then as strong as all of that, as
+// coloured noise of a sensor may well be.
+constexpr double coloured_part = 0.25;
 constexpr double usual_lateness = 0.025;  // of stamps, in parts of the time between rows
 
 /// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have
@@ -127,6 +130,7 @@ GapRows::GapRows(const GapRows& whole, const std::vector<RowWindow>& windows) {
   }
   fill(std::move(motions), std::move(stretches));
   white_floor = whole.white_floor;
+  coloured_floor = whole.coloured_floor;
   range = whole.range;
   make_nuisance();
 }
@@ -218,6 +222,22 @@ void GapRows::find_white_floor() {
   // Interpolation and filters are no better than this, however clean the log.
   const Eigen::VectorXd size = (load.colwise().squaredNorm() / double(load.rows())).cwiseSqrt().transpose();
   white_floor = white_floor.cwiseMax(least_floor * largest_alike(motions_->front().robot(), size));
+  coloured_floor = white_floor;
+}
+
+void GapRows::allow_for_colour(const std::vector<Log>& logs) {
+  Eigen::VectorXd energy = Eigen::VectorXd::Zero(joints());
+  double samples = 1e-300;
+  for (const Log& of : logs) {
+    const Eigen::MatrixXd& x = of.tau;
+    for (Eigen::Index i = 3; i < x.rows(); ++i) {
+      if (x.row(i) == x.row(i - 1)) continue;  // a packet that was lost
+      energy +=
+          (x.row(i) - 3.0 * x.row(i - 1) + 3.0 * x.row(i - 2) - x.row(i - 3)).cwiseAbs2().transpose() / 20.0;
+      samples += 1.0;
+    }
+  }
+  coloured_floor = white_floor.cwiseMax(coloured_part * (energy / samples).cwiseSqrt());
 }
 
 GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
@@ -253,6 +273,7 @@ GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)
   t = other.t(rows);
   timing = other.timing(rows, Eigen::all);
   white_floor = other.white_floor;
+  coloured_floor = other.coloured_floor;
   range = other.range;
   if (other.moves_.size() > 0) moves_ = other.moves_(rows, Eigen::all);
   active = moves_.size() > 0 ? Eigen::VectorXd(moves_.colwise().sum().transpose().cwiseMax(1.0))

@@ -82,6 +82,11 @@ class GapRows {
   Eigen::VectorXd active;  ///< n: rows that say something about the joint
   /// Of each joint [N m]: standard deviation in the band of white noise as strong as above the band.
   Eigen::VectorXd white_floor;
+  /// Of each joint [N m]: what coloured noise is measured against: white_floor, until allow_for_colour().
+  Eigen::VectorXd coloured_floor;
+  /// Makes coloured_floor a part at least of the white noise of the logs' own samples: of coloured noise the
+  /// filter takes little, however fast the log.
+  void allow_for_colour(const std::vector<Log>& logs);
 
  private:
   struct Stretch {

@@ -9,10 +9,11 @@ struct Criteria {
   // -------------------------------------------------------------------------------------- is there a gap
   /// p-value below which a gap is said to be there: the usual one in twenty.
   double detection = 0.05;
-  /// A gap of one log alone is left over where it is larger than this many times the white floor: coloured
-  /// noise of realistic sensors stayed below 3 on the banks.
+  /// A gap of one log alone is left over where it is larger than this many times the white floor, or than all
+  /// of the white noise of the samples: coloured noise of realistic sensors stayed below 3 on the banks, at
+  /// rates at which the filter leaves a quarter of the white noise or more.
   double left_over = 4.0;
-  /// Coloured noise, in parts of the white floor, that the floor may be raised by.
+  /// Coloured noise, in the same measure, that the floor may be raised by.
   double floor_room = 3.0;
   /// A joint is taken to carry at least this part of what the most loaded joint carries: one that carries
   /// nothing (the first of an upright arm, a wrist) would otherwise have no tolerance at all, and coloured
