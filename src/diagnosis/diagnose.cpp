@@ -216,9 +216,12 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
                         surrogates(rows, none.fit.residual, options.surrogates, options.seed));
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd residual = rms(choice->model.fit.residual);
-  out.floor = residual.cwiseMin(options.criteria.floor_room * rows.coloured_floor).cwiseMax(rows.white_floor);
+  out.floor = residual.cwiseMin(options.criteria.floor_room * rows.white_floor).cwiseMax(rows.white_floor);
 
-  const GapSize size = gap_size(everything, out.floor, options.tolerance, options.criteria);
+  // Whether there is a gap is asked of all that may be coloured noise; what is explained of it, of less.
+  const Eigen::VectorXd coloured =
+      residual.cwiseMin(options.criteria.floor_room * rows.coloured_floor).cwiseMax(out.floor);
+  const GapSize size = gap_size(everything, coloured, options.tolerance, options.criteria);
   out.p_value = size.p_value;
   out.upper = size.upper;
   out.tolerance = size.tolerance;

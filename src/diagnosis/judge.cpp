@@ -138,7 +138,11 @@ class Judge {
     const bool enough = out.explained >= criteria_.least_shrink;
     say(out, "least_explained", out.explained, criteria_.least_shrink, enough,
         "part of the gap that the effects explain, where they were fitted and where they were not");
-    if (!enough) return without_effects;
+    const double beyond = beyond_nominal(model);
+    const bool effects_do = beyond >= criteria_.least_shrink;
+    say(out, "beyond_nominal", beyond, criteria_.least_shrink, effects_do,
+        "part that the effects explain of what errors of the nominal model alone leave");
+    if (!enough || !effects_do) return without_effects;
     const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,
@@ -175,6 +179,12 @@ class Judge {
   static void say(Judged& out, const char* criterion, double value, double threshold, bool passed,
                   const char* text) {
     out.judgement.push_back({criterion, value, threshold, passed, text});
+  }
+  /// Where the nominal's errors alone explain most of the gap, little is left for effects to be right about.
+  double beyond_nominal(const GapModel& model) const {
+    const double alone = taken(choice_.rows, model_of_none(model)),
+                 with = taken(choice_.rows, model.fit.residual);
+    return alone < 1.0 ? (with - alone) / (1.0 - alone) : 1.0;
   }
   Eigen::MatrixXd model_of_none(const GapModel& model) const {
     return choice_.search.none(model.kappa).fit.residual;

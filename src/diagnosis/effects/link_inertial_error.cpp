@@ -42,8 +42,9 @@ class LinkInertialError : public Hypothesis {
   }
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    // What adds more to the last link than the link itself is a payload.
-    return unit + 1 < robot.size() || c[0] <= robot.joints.back().parameters[0];
+    // What adds more than twice the last link to it is a payload; less may be either.
+    constexpr double most = 2.0;
+    return unit + 1 < robot.size() || c[0] <= most * robot.joints.back().parameters[0];
   }
 
  private:
