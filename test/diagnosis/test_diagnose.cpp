@@ -22,6 +22,7 @@
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
+#include "dynid/simulation/family.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
 
@@ -202,6 +203,44 @@ TEST(Diagnose, PayloadHasItsMassAndCentre) {
 
 // Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
 // stays.
+/// Two links of 0.4 m in a vertical plane.
+Robot planar_arm() {
+  Robot robot;
+  robot.name = "planar";
+  for (int j = 0; j < 2; ++j) {
+    Joint joint;
+    joint.name = "j" + std::to_string(j + 1);
+    joint.link_name = "l" + std::to_string(j + 1);
+    joint.axis = -Eigen::Vector3d::UnitY();
+    if (j > 0) joint.origin.translation().x() = 0.4;
+    LinkInertia body;
+    body.mass = 3.0 - j;
+    body.com.x() = 0.2;
+    body.inertia = Eigen::Vector3d(0.01, 0.04, 0.04).asDiagonal();
+    joint.parameters = to_standard(body);
+    joint.friction.linear.viscous = 0.3;
+    joint.friction.linear.coulomb = 0.4;
+    joint.limits.lower = -2.5;
+    joint.limits.upper = 2.5;
+    joint.limits.velocity = 3.0;
+    joint.limits.torque = 60.0 - 40.0 * j;
+    robot.joints.push_back(joint);
+  }
+  robot.tip.translation().x() = 0.4;
+  return robot;
+}
+
+// Of a body's ten parameters a planar arm shows four: the others are not fitted to rounding errors.
+TEST(Diagnose, PayloadOfAPlanarArmIsNamed) {
+  const Robot robot = planar_arm();
+  const Diagnosis d = diagnose(robot, recorded(robot, {"payload:mass=1.5"}, 31));
+  ASSERT_FALSE(d.effects.empty());
+  EXPECT_EQ(d.effects[0].effect.name, "payload");
+  EXPECT_NEAR(value(d.effects[0], "mass"), 1.5, 0.05);
+  // What no torque shows of it is that of a body at the flange.
+  EXPECT_NEAR(value(d.effects[0], "com", 1), 0.0, 1e-6);
+}
+
 TEST(Hypotheses, ImpossiblePayloadsGiveWayToTheNearestBody) {
   const Hypothesis* payload = find_hypothesis(std::string("payload"));
   std::mt19937_64 random(3);
@@ -251,6 +290,20 @@ TEST(Diagnose, ContactIsFoundInItsWindow) {
     if (e.key != "link") {
       EXPECT_LT(e.low[0], e.high[0]) << e.key;
     }
+}
+
+// Every other second of a log alone is kept to judge: a contact that lasts longer is one all the same.
+TEST(Diagnose, ContactGoesOnAcrossWhatIsKeptToJudge) {
+  const Robot robot = panda();
+  const std::vector<Log> logs =
+      recorded(robot, {"external_contact:link=7,force=12:0:-12,start=8,duration=5"}, 18, 30.0);
+  const Diagnosis d = diagnose(robot, {logs[0]});
+  EXPECT_EQ(d.verdict, Verdict::explained);
+  ASSERT_EQ(d.effects.size(), 1U);
+  EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+  EXPECT_NEAR(value(d.effects[0], "start"), 8.0, 0.2);
+  EXPECT_NEAR(value(d.effects[0], "start") + value(d.effects[0], "duration"), 13.0, 0.2);
+  EXPECT_GT(d.shrink.fraction, 0.9);
 }
 
 TEST(Diagnose, ContactActsOnAPointOfItsLink) {
@@ -341,6 +394,23 @@ TEST(Diagnose, NoGapHasNoEffect) {
   const Diagnosis d = diagnose(robot, recorded(robot, {}, 77));
   EXPECT_TRUE(d.effects.empty());
   EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected);
+}
+
+// The filter of a slow motion takes nearly all of white noise and little of coloured noise: a log of a
+// healthy arm that is sampled quickly has no gap for that.
+TEST(Diagnose, ColouredNoiseOfAQuickLogIsNoGap) {
+  const Robot robot = panda();
+  FamilyRun run;
+  run.motion = FamilyMotion::slow;
+  run.rate = run.control_rate = 1000.0;
+  run.duration = 20.0;
+  run.logs = 1;
+  SimulateOptions options = recording(3);
+  options.measurement = MeasurementOptions::realistic();
+  options.rate = options.control_rate = run.rate;
+  const Diagnosis d = diagnose(robot, {simulate(robot, {}, family_motion(robot, run, 3), options).log});
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected) << to_string(d.verdict);
 }
 
 // An effect that was taken out of the library is not given another's name.
@@ -811,6 +881,19 @@ TEST(Blind, ASmallBankAddsUp) {
   EXPECT_EQ(s.no_gap + s.known + s.unknown, s.cases);
   EXPECT_LE(s.first_right, s.known);
   EXPECT_EQ(s.false_alarms, 0);
+}
+
+// All is drawn but the arm.
+TEST(Blind, MotionsOfAGivenArm) {
+  BlindOptions options;
+  options.cases = 2;
+  options.seed = 6;
+  options.family = options.given_robot = true;
+  options.folder = testing::TempDir() + "/blind_motions";
+  const std::vector<BlindCase> cases = run_blind(panda(), options);
+  ASSERT_EQ(cases.size(), 2U);
+  for (const BlindCase& c : cases) EXPECT_EQ(c.drawn.at("robot"), panda().name);
+  EXPECT_NE(cases[0].drawn.at("duration"), cases[1].drawn.at("duration"));
 }
 
 // Logs of another physics engine, with what was put in.

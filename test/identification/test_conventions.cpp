@@ -542,7 +542,7 @@ TEST(Conventions, ImperfectRobotsAreNotMisread) {
   unsigned long seed = seed_from_environment(5000);
   for (int repeat = 0; repeat < repeats; ++repeat) {
     for (const Robot& robot : robots()) {
-      for (int kind = 0; kind < 14; ++kind) {
+      for (int kind = 0; kind < 15; ++kind) {
         Random random(++seed);
         const int n = robot.size();
         Robot plant = perturbed(robot, uniform(random, 0.02, 0.05), seed);
@@ -564,6 +564,7 @@ TEST(Conventions, ImperfectRobotsAreNotMisread) {
           for (Joint& joint : plant.joints)
             joint.rotor_inertia = uniform(random, 0.0, 0.3) * std::max(0.05, joint.parameters[6]);
         if (kind == 7) plant = with_condition(plant, 2, seed);
+        if (kind == 14 && n > 1) plant.joints[n - 2].parameters *= 4.0;  // another body, which no zero is
         Log log = recorded(plant, 20.0, 100.0, seed);
         const Eigen::VectorXd size =
             (log.tau.rowwise() - log.tau.colwise().mean()).colwise().norm().transpose() /
