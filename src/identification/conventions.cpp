@@ -87,6 +87,20 @@ bool nearly_same(const Reading& a, const Reading& b) {
          (torque(a) - torque(b)).norm() < 0.3 * torque(a).norm();
 }
 
+bool concerns_one_joint(const Reading& r, const Reading& plain) {
+  if (r.position_unit != plain.position_unit || r.without_gravity || r.magnitude || r.turned_gravity ||
+      r.unit_of_torque)
+    return false;
+  int count = 0;
+  for (Eigen::Index j = 0; j < r.sign.size(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    if (r.order[at] != plain.order[at] || r.sign[j] != plain.sign[j] || r.zero[j] != plain.zero[j] ||
+        r.torque_sign[j] != plain.torque_sign[j] || r.factor[j] != plain.factor[j])
+      ++count;
+  }
+  return count == 1;
+}
+
 /// The best reading of one joint is told from the next that says something else.
 bool leads(const std::vector<ReadingCandidate>& found, double least) {
   for (std::size_t k = 1; k < found.size(); ++k)
@@ -179,8 +193,8 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
     if (!search->found().empty()) {
       const std::vector<bool> clipped = clipped_joints(logs, options.most_clipped);
       search->add_free_factors();
-      // The best few once more, on an arm that may carry something; as it stands, one link may also be wrong.
-      const ReadingCandidate as_is = search->with_wrong_body(search->before());
+      // The best few once more, on an arm that may carry something.
+      ReadingCandidate as_is = search->with_payload(search->before());
       std::vector<ReadingCandidate>& found = search->found();
       for (std::size_t k = 0; k < std::min(found.size(), options.tried_again); ++k)
         found[k] = search->with_payload(found[k]);
@@ -195,6 +209,9 @@ ConventionReport find_conventions(const Robot& nominal, const std::vector<Log>& 
       std::stable_sort(
           everything.begin(), everything.end(),
           [](const ReadingCandidate& a, const ReadingCandidate& b) { return a.score < b.score; });
+      // What is said of one joint alone may as well be one link that is wrong.
+      if (!everything.empty() && concerns_one_joint(everything.front().reading, plain))
+        as_is = search->with_wrong_body(search->before());
       if (!everything.empty()) open = undecided(everything, search->before(), as_is, clipped, options);
       if (!found.empty()) {
         found.front() = needed_parts(*search, found.front(), clipped, options);
