@@ -88,10 +88,10 @@ void judge_reading(const ConventionReport& report, Diagnosis& out) {
 /// Moves the ends of windows to where all rows fit best: in a log alone they may lie in what was kept to
 /// judge.
 void move_ends(const GapRows& rows, GapModel& model) {
-  const double block = block_length(rows);
   for (std::size_t e = 0; e < model.effects.size(); ++e) {
     if (model.effects[e].h->scope() != Scope::window) continue;
-    for (double step = block; step >= 0.5 * rows.period(); step /= 2.0) {
+    double step = block_length(rows);
+    for (int halved = 0; halved < 6; ++halved, step /= 2.0) {  // down to a row or less
       for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
         std::vector<Adopted> moved = model.effects;
         UnitShape& unit = moved[e].units.front();
