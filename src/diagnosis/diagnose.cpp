@@ -91,7 +91,7 @@ void move_ends(const GapRows& rows, GapModel& model) {
   for (std::size_t e = 0; e < model.effects.size(); ++e) {
     if (model.effects[e].h->scope() != Scope::window) continue;
     double step = block_length(rows);
-    for (int halved = 0; halved < 6; ++halved, step /= 2.0) {  // down to a row or less
+    while (step >= 0.5 * rows.period()) {
       for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
         std::vector<Adopted> moved = model.effects;
         UnitShape& unit = moved[e].units.front();
@@ -104,6 +104,7 @@ void move_ends(const GapRows& rows, GapModel& model) {
         model.effects = std::move(moved);
         model.fit = std::move(fit);
       }
+      step /= 2.0;
     }
   }
 }

@@ -87,6 +87,7 @@ bool nearly_same(const Reading& a, const Reading& b) {
          (torque(a) - torque(b)).norm() < 0.3 * torque(a).norm();
 }
 
+/// The reading is another than the plain one in what it says of a single joint, and in nothing else.
 bool concerns_one_joint(const Reading& r, const Reading& plain) {
   if (r.position_unit != plain.position_unit || r.without_gravity || r.magnitude || r.turned_gravity ||
       r.unit_of_torque)

@@ -201,9 +201,7 @@ TEST(Diagnose, PayloadHasItsMassAndCentre) {
   EXPECT_NEAR(better.joints.back().parameters[0] - robot.joints.back().parameters[0], 1.5, 0.02);
 }
 
-// Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
-// stays.
-/// Two links of 0.4 m in a vertical plane.
+/// Two links of 0.4 m in a vertical plane, the flange beside it.
 Robot planar_arm() {
   Robot robot;
   robot.name = "planar";
@@ -226,7 +224,7 @@ Robot planar_arm() {
     joint.limits.torque = 60.0 - 40.0 * j;
     robot.joints.push_back(joint);
   }
-  robot.tip.translation().x() = 0.4;
+  robot.tip.translation() = Eigen::Vector3d(0.4, 0.05, 0.0);
   return robot;
 }
 
@@ -238,9 +236,11 @@ TEST(Diagnose, PayloadOfAPlanarArmIsNamed) {
   EXPECT_EQ(d.effects[0].effect.name, "payload");
   EXPECT_NEAR(value(d.effects[0], "mass"), 1.5, 0.05);
   // What no torque shows of it is that of a body at the flange.
-  EXPECT_NEAR(value(d.effects[0], "com", 1), 0.0, 1e-6);
+  EXPECT_NEAR(value(d.effects[0], "com", 1), robot.tip.translation().y(), 1e-6);
 }
 
+// Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
+// stays.
 TEST(Hypotheses, ImpossiblePayloadsGiveWayToTheNearestBody) {
   const Hypothesis* payload = find_hypothesis(std::string("payload"));
   std::mt19937_64 random(3);
