@@ -564,7 +564,15 @@ TEST(Conventions, ImperfectRobotsAreNotMisread) {
           for (Joint& joint : plant.joints)
             joint.rotor_inertia = uniform(random, 0.0, 0.3) * std::max(0.05, joint.parameters[6]);
         if (kind == 7) plant = with_condition(plant, 2, seed);
-        if (kind == 14 && n > 1) plant.joints[n - 2].parameters *= 4.0;  // another body, which no zero is
+        if (kind == 14 &&
+            n > 1) {  // a wrist's body turned about its joint, and heavier: no zero of the joint
+          Joint& wrist = plant.joints[n - 2];
+          const Eigen::Matrix3d R = Eigen::AngleAxisd(pi / 2.0, wrist.axis).toRotationMatrix();
+          LinkInertia body = from_standard(wrist.parameters);
+          body.com = R * body.com;
+          body.inertia = R * body.inertia * R.transpose();
+          wrist.parameters = 4.0 * to_standard(body);
+        }
         Log log = recorded(plant, 20.0, 100.0, seed);
         const Eigen::VectorXd size =
             (log.tau.rowwise() - log.tau.colwise().mean()).colwise().norm().transpose() /
