@@ -85,40 +85,15 @@ void judge_reading(const ConventionReport& report, Diagnosis& out) {
   out.next.text = "Read the log as it is meant: --assume " + report.assume + " (or --assume auto).";
 }
 
-/// Moves the ends of windows to where all rows fit best: in a log alone they may lie in what was kept to
-/// judge.
-void move_ends(const GapRows& rows, GapModel& model) {
-  for (std::size_t e = 0; e < model.effects.size(); ++e) {
-    if (model.effects[e].h->scope() != Scope::window) continue;
-    double step = block_length(rows);
-    while (step >= 0.5 * rows.period()) {
-      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
-        std::vector<Adopted> moved = model.effects;
-        UnitShape& unit = moved[e].units.front();
-        unit.shape[0] += start;
-        unit.shape[1] += end - start;
-        if (unit.shape[1] < rows.period()) continue;
-        unit.block = std::make_shared<RowBlock>(rows.block(*moved[e].h, unit.unit, unit.shape));
-        Fit fit = fit_of(rows, moved, model.kappa);
-        if (fit.total <= model.fit.total) continue;
-        model.effects = std::move(moved);
-        model.fit = std::move(fit);
-      }
-      step /= 2.0;
-    }
-  }
-}
-
 /// The effects that are named, with their intervals, over all rows that show them.
 std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, const Choice& choice,
                                const Judged& judged, const DiagnoseOptions& options) {
-  const Eigen::Index most_rows = options.criteria.searched_rows;  // beyond it to move ends takes long
-  const bool where_found = judged.windowed && (choice.split.several || choice.rows.size() > most_rows);
+  const bool where_found =
+      judged.windowed && (choice.split.several || everything.size() > options.criteria.searched_rows);
   const GapRows& whole = where_found ? choice.rows : everything;
   GapModel model = judged.model;
   model.effects = carried(whole, model.effects);
   model.fit = fit_of(whole, model.effects, model.kappa);
-  if (judged.windowed && !where_found) move_ends(whole, model);
   std::vector<FoundEffect> out;
   for (const std::size_t k : by_share(judged.shares)) {
     out.push_back(found_effect(nominal, whole, model, k, options.seed + static_cast<unsigned>(k),
@@ -254,7 +229,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   out.tolerance = size.tolerance;
 
   say("alternatives", 0.8);
-  const Judged judged = judge(judged_on, out.floor, size, out.structure_p_value, options);
+  const Judged judged = judge(judged_on, moving, out.floor, size, out.structure_p_value, options);
   out.explained = judged.explained;
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;

@@ -81,7 +81,8 @@ std::vector<Adopted> Evaluator::here(std::vector<Adopted> effects) const {
   return effects;
 }
 
-Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own) const {
+Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own,
+                              const Hypothesis* without) const {
   Channel out{model.fit.left.col(joint), Eigen::MatrixXd(rows.size(), 0), 0.0, {}};
   Eigen::Index at = 0;
   for (const Adopted& e : model.effects) {
@@ -89,9 +90,10 @@ Channel Evaluator::channel_of(const GapModel& model, int joint, bool keep_own) c
       const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
       if (own_channel(*e.h, *u.block) && u.block->channels[0] == joint) {
         const Eigen::MatrixXd& values = u.block->values[0];
+        const bool kept = keep_own && e.h != without;
         if (p > 0) out.y += values * model.fit.theta.segment(at, p);
-        if (p > 0 && keep_own) out.columns = beside(out.columns, values);
-        if (p == 0 && !keep_own) out.y += values.rowwise().sum();
+        if (p > 0 && kept) out.columns = beside(out.columns, values);
+        if (p == 0 && !kept) out.y += values.rowwise().sum();
       }
       at += p;
     }

@@ -64,8 +64,10 @@ class Evaluator {
   std::vector<Adopted> here(std::vector<Adopted> effects) const;
 
   Base base_of(const GapModel& model) const;
-  /// `keep_own`: the joint's own effects stay, to be fitted anew; else they are taken out.
-  Channel channel_of(const GapModel& model, int joint, bool keep_own) const;
+  /// `keep_own`: the joint's own effects stay, to be fitted anew, all but `without` (null: all of them); else
+  /// they are taken out.
+  Channel channel_of(const GapModel& model, int joint, bool keep_own,
+                     const Hypothesis* without = nullptr) const;
   /// Log evidence that a block adds to a joint's own channel, and to all of them.
   double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
   double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;

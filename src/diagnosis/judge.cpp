@@ -16,8 +16,14 @@ namespace {
 
 class Judge {
  public:
-  Judge(const Choice& choice, const Eigen::VectorXd& noise, const DiagnoseOptions& options)
-      : choice_(choice), noise_(noise), options_(options), criteria_(options.criteria) {}
+  Judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise,
+        const DiagnoseOptions& options)
+      : choice_(choice),
+        // A window of a log alone was given its ends by all rows: all of them have it.
+        around_(choice.split.several ? choice.rows : everything),
+        noise_(noise),
+        options_(options),
+        criteria_(options.criteria) {}
 
   /// Least part of the gap that a model explains, where it was fitted and where it was not; `shrink` where
   /// that is found within the rows.
@@ -26,7 +32,7 @@ class Judge {
     const GapRows &rows = choice_.rows, &held = choice_.held;
     const bool window = has_window(m), alone = choice_.split.alone;
     double least = taken(rows, m.fit.residual);
-    if (window || alone) shrink = shrink_within(rows, m, noise_, options_.seed);
+    if (window || alone) shrink = shrink_within(around_, m, noise_, options_.seed);
     const auto left = [&](const Eigen::MatrixXd& y) -> Eigen::MatrixXd {
       return fit_terms(held, y, {}, m.kappa).residual;
     };
@@ -44,7 +50,7 @@ class Judge {
     if (window && m.effects.size() == 1)  // a window of anything fits
       least = std::min(least, std::max(0.0, shrink.fraction));
     else if (alone)
-      least = std::min(least, std::max(0.0, explained_within(rows, m, noise_)));
+      least = std::min(least, std::max(0.0, explained_within(around_, m, noise_)));
     return least;
   }
 
@@ -191,6 +197,7 @@ class Judge {
   }
 
   const Choice& choice_;
+  const GapRows& around_;
   const Eigen::VectorXd& noise_;
   const DiagnoseOptions& options_;
   const Criteria& criteria_;
@@ -198,9 +205,9 @@ class Judge {
 
 }  // namespace
 
-Judged judge(const Choice& choice, const Eigen::VectorXd& noise, const GapSize& size,
+Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise, const GapSize& size,
              double structure_p_value, const DiagnoseOptions& options) {
-  const Judge by(choice, noise, options);
+  const Judge by(choice, everything, noise, options);
   Judged out;
   out.model = choice.model;
   by.measure(out);

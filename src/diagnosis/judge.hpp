@@ -22,9 +22,9 @@ struct Judged {
   std::vector<Judgement> judgement;
 };
 
-/// Whether the effects of a choice are the whole story. `noise`: n [N m rms], the floor; `structure_p_value`:
-/// see structure_p_value().
-Judged judge(const Choice& choice, const Eigen::VectorXd& noise, const GapSize& size,
+/// Whether the effects of a choice are the whole story. `everything`: the rows that were split; `noise`: n
+/// [N m rms], the floor; `structure_p_value`: see structure_p_value().
+Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise, const GapSize& size,
              double structure_p_value, const DiagnoseOptions& options);
 
 /// Whether the effects of the verdict are named.

@@ -134,6 +134,28 @@ GapModel Search::simplified(GapModel model) const {
   return model;
 }
 
+GapModel Search::reshaped(const GapModel& model) const {
+  const auto own = [](const Adopted& e) { return own_channel(*e.h, *e.units.front().block); };
+  const Adopted& newest = model.effects.back();
+  if (!own(newest)) return model;
+  std::vector<Adopted> effects = model.effects;
+  for (std::size_t k = 0; k + 1 < effects.size(); ++k) {
+    const Hypothesis& h = *effects[k].h;
+    if (h.shape_only() || effects[k].units.front().shape.size() == 0 || !own(effects[k])) continue;
+    const auto which =
+        static_cast<std::size_t>(std::find(library_.begin(), library_.end(), &h) - library_.begin());
+    for (UnitShape& u : effects[k].units) {
+      const auto same_joint = [&](const UnitShape& other) { return other.unit == u.unit; };
+      if (std::none_of(newest.units.begin(), newest.units.end(), same_joint)) continue;
+      const Channel rest = by_.channel_of(model, u.unit, true, &h);
+      u = best_shape(by_, h, u.unit, grids_[which][static_cast<std::size_t>(u.unit)],
+                     [&](const RowBlock& b) { return by_.own_gain(h, b, rest, model.kappa); });
+    }
+  }
+  GapModel better = evaluate(std::move(effects), model.kappa);
+  return better.score > model.score && by_.plausible(better) ? better : model;
+}
+
 GapModel Search::reassigned(const GapModel& model) const {
   std::vector<std::size_t> own;  // of the model's effects
   for (std::size_t k = 0; k < model.effects.size(); ++k)

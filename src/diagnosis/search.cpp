@@ -8,6 +8,7 @@
 namespace dynid::detail {
 namespace {
 
+constexpr std::size_t reshaped_first = 4;
 constexpr std::size_t spare_refined = 4;  // beyond as many as are fitted jointly: a grid is coarse
 
 /// Rows in which no window of the effects acts; all, where they leave too few.
@@ -142,6 +143,10 @@ std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_
     effects.push_back(useful[k]);
     models[k] = reassigned(evaluate(std::move(effects), base.kappa));
   });
+  models = best_first(std::move(models));
+  // To shape anew costs as much as to propose, so it is for those that may then be the best.
+  tbb::parallel_for(std::size_t{0}, std::min(models.size(), reshaped_first),
+                    [&](std::size_t k) { models[k] = reshaped(models[k]); });
   return best_first(std::move(models));
 }
 

@@ -75,6 +75,7 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
     const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
     if (again.score > model.score) model = again;
   }
+  if (!split.several) settle_ends(everything);
   keep_what_holds();
 }
 
@@ -120,6 +121,34 @@ double Choice::tuned(const std::vector<std::vector<Adopted>>& sets, double toler
     if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
   }
   return kappa;
+}
+
+void Choice::settle_ends(const GapRows& everything) {
+  if (!has_window(model) || everything.size() > criteria().searched_rows) return;
+  std::vector<Adopted> effects = carried(everything, model.effects);
+  double best = fit_of(everything, effects, model.kappa).total;
+  const double period = everything.period();
+  for (Adopted& effect : effects) {
+    if (effect.h->scope() != Scope::window) continue;
+    UnitShape& unit = effect.units.front();
+    for (double step = block_length(everything); step >= 0.5 * period; step /= 2.0) {
+      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
+        const UnitShape before = unit;
+        unit.shape[0] += start;
+        unit.shape[1] += end - start;
+        if (unit.shape[1] >= period) {
+          unit.block = std::make_shared<RowBlock>(everything.block(*effect.h, unit.unit, unit.shape));
+          const double here = fit_of(everything, effects, model.kappa).total;
+          if (here > best) {
+            best = here;
+            continue;
+          }
+        }
+        unit = before;
+      }
+    }
+  }
+  model = search.moved_here(effects, model.kappa);
 }
 
 void Choice::keep_what_holds() {

@@ -41,6 +41,9 @@ class Choice {
   /// How far off the nominal parameters are is found along with the effects: an error of the model must not
   /// be named an effect, nor an effect be taken for such an error.
   double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;
+  /// When something began and ended is not predicted but seen: the ends of windows go to where all rows fit
+  /// best, since in a log alone they may lie in what is kept to judge.
+  void settle_ends(const GapRows& everything);
   /// Beside an effect that does not come back, others have to hold where it is not.
   void keep_what_holds();
 };
