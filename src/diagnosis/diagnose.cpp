@@ -172,7 +172,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
          "1",
          "outside the arms and logs that the probabilities were calibrated on: " + join(outside)});
   GapRows everything(nominal, out.logs);
-  everything.allow_for_colour(logs);
+  everything.allow_for_colour(logs, 1.0 / options.criteria.left_over);  // all of it is then noise
   const int count = static_cast<int>(logs.size());
   const bool longer = everything.size() > options.criteria.searched_rows;
   // Effects are sought in a spread of windows, and judged on all rows.

@@ -65,7 +65,16 @@ GapModel Evaluator::evaluate(std::vector<Adopted> effects, double kappa) const {
   GapModel model;
   model.fit = fit_terms(rows, rows.y, terms_of(effects), kappa);
   model.score = model.fit.total;
-  for (const Adopted& e : effects) model.score -= cost(e);
+  Eigen::Index at = 0;
+  for (const Adopted& e : effects) {
+    model.score -= cost(e);
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      if (p > 0)
+        model.score -= criteria.prior_weight * e.h->surprise(robot(), u.unit, model.fit.theta.segment(at, p));
+      at += p;
+    }
+  }
   model.effects = std::move(effects);
   model.kappa = kappa;
   return model;

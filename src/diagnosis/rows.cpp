@@ -23,9 +23,6 @@ constexpr double usual_error =
     0.03;  // of the nominal's parameters, relatively: the largest that the search assumes
 constexpr double least_seen = 0.1;    // of the white floor: what is smaller, in a hundred parts of energy
 constexpr double least_floor = 1e-4;  // of the largest load of a joint of its type
-// Of the samples' white noise: what Criteria::left_over takes for noise is then as strong as all of that, as
-// coloured noise of a sensor may well be.
-constexpr double coloured_part = 0.25;
 constexpr double usual_lateness = 0.025;  // of stamps, in parts of the time between rows
 
 /// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have
@@ -225,7 +222,7 @@ void GapRows::find_white_floor() {
   coloured_floor = white_floor;
 }
 
-void GapRows::allow_for_colour(const std::vector<Log>& logs) {
+void GapRows::allow_for_colour(const std::vector<Log>& logs, double part) {
   Eigen::VectorXd energy = Eigen::VectorXd::Zero(joints());
   double samples = 1e-300;
   for (const Log& of : logs) {
@@ -237,7 +234,7 @@ void GapRows::allow_for_colour(const std::vector<Log>& logs) {
       samples += 1.0;
     }
   }
-  coloured_floor = white_floor.cwiseMax(coloured_part * (energy / samples).cwiseSqrt());
+  coloured_floor = white_floor.cwiseMax(part * (energy / samples).cwiseSqrt());
 }
 
 GapRows::GapRows(const GapRows& other, const std::vector<bool>& keep)

@@ -77,6 +77,10 @@ class Hypothesis {
   /// special case, or can nearly imitate it, less than 1.
   virtual double prior() const { return 1.0; }
 
+  /// Minus the logarithm of how likely coefficients of this size are beside usual ones, before the data are
+  /// seen: 0 where all are alike.
+  virtual double surprise(const Robot&, int, const Eigen::VectorXd&) const { return 0.0; }
+
   /// [s] by which it makes the torque of its channels late: what other effects add there is as late.
   virtual double lateness(const Eigen::VectorXd&) const { return 0.0; }
 

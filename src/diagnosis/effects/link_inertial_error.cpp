@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A change of the ten standard parameters of one link.
+#include <cmath>
+
 #include "../body.hpp"
 #include "effects.hpp"
 
@@ -40,11 +42,11 @@ class LinkInertialError : public Hypothesis {
                                    const Eigen::MatrixXd& information) const override {
     return nearest_body(whole, information);
   }
-  bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
-                 const Eigen::VectorXd&) const override {
-    // What adds more than twice the last link to it is a payload; less may be either.
-    constexpr double most = 2.0;
-    return unit + 1 < robot.size() || c[0] <= most * robot.joints.back().parameters[0];
+  // A model that has a link at all seldom has another multiple of its mass: heavy tails, for a tool that was
+  // forgotten. On the last link, what adds far more than the link is is rather a payload.
+  double surprise(const Robot& robot, int unit, const Eigen::VectorXd& c) const override {
+    const double mass = robot.joints[static_cast<std::size_t>(unit)].parameters[0];
+    return mass > 0.0 ? std::log1p(c[0] * c[0] / (mass * mass)) : 0.0;
   }
 
  private:
