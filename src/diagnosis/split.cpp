@@ -30,8 +30,8 @@ void by_log(const GapRows& rows, int logs, Split& out) {
 
 void by_blocks(const GapRows& rows, Split& out) {
   const double block = block_length(rows);
-  out.to_fit = alternate(rows, false, block, guard);
-  out.to_judge = alternate(rows, true, block, guard);
+  out.to_fit = alternate(rows, out.odd_fit, block, guard);
+  out.to_judge = alternate(rows, !out.odd_fit, block, guard);
 }
 
 }  // namespace
@@ -54,6 +54,14 @@ Split split(const GapRows& rows, int logs, double tolerance, const Criteria& cri
   out.several = logs > 1;
   if (!out.several) {
     by_blocks(rows, out);
+    const auto gap = [&](const std::vector<bool>& mine) {
+      std::vector<Eigen::Index> where;
+      for (Eigen::Index i = 0; i < rows.size(); ++i)
+        if (mine[static_cast<std::size_t>(i)]) where.push_back(i);
+      return energy(rows.y(where, Eigen::all), rows.white_floor);
+    };
+    out.odd_fit = gap(out.to_judge) > gap(out.to_fit);
+    if (out.odd_fit) by_blocks(rows, out);
     return out;
   }
   by_log(rows, logs, out);

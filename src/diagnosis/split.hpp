@@ -19,14 +19,16 @@ inline double within_length(const GapRows& rows) { return within_rows * rows.per
 /// Rows in every other block of `seconds`, `apart` rows from each change.
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index apart);
 
-/// What chooses and fits, and what only judges: of several logs the last judges, of one every other block.
+/// What chooses and fits, and what only judges: of several logs the last judges, of one every other block, those
+/// with less of the gap: what passes is fitted where most of it is.
 struct Split {
   std::vector<bool> to_fit, to_judge;  ///< of each row
   bool several = false;                ///< logs
   /// What shows in one log alone (a contact, a limit that the others never meet) is sought there, judged
   /// within it, and must do no harm to the others.
   bool alone = false;
-  Split swapped() const { return {to_judge, to_fit, several, true}; }
+  bool odd_fit = false;  ///< of a log alone: the blocks that fit are the second, the fourth and so on
+  Split swapped() const { return {to_judge, to_fit, several, true, odd_fit}; }
 };
 /// `logs`: their number; `tolerance`: relative error of the nominal parameters that is no gap.
 Split split(const GapRows& rows, int logs, double tolerance, const Criteria& criteria);

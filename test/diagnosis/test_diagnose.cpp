@@ -306,6 +306,23 @@ TEST(Diagnose, ContactGoesOnAcrossWhatIsKeptToJudge) {
   EXPECT_GT(d.shrink.fraction, 0.9);
 }
 
+// And one that lies in both, wherever it begins.
+TEST(Diagnose, ABriefContactOfALogAloneIsFoundWhereverItBegins) {
+  const Robot robot = panda();
+  for (const int start : {130, 135, 140, 145}) {
+    SCOPED_TRACE(start);
+    const std::string contact =
+        "external_contact:link=7,force=25:25:18,duration=1.8,start=" + std::to_string(0.1 * start);
+    const std::vector<Log> logs = recorded(robot, {contact}, 18, 25.0);
+    const Diagnosis d = diagnose(robot, {logs[0]});
+    EXPECT_EQ(d.verdict, Verdict::explained);
+    ASSERT_EQ(d.effects.size(), 1U);
+    EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+    EXPECT_NEAR(value(d.effects[0], "start"), 0.1 * start, 0.15);
+    EXPECT_GT(d.shrink.fraction, 0.9);
+  }
+}
+
 TEST(Diagnose, ContactActsOnAPointOfItsLink) {
   const Robot robot = panda();
   const Diagnosis d = diagnose(
@@ -659,6 +676,20 @@ TEST(Diagnose, EffectsThatShareJointsAreToldApart) {
 }
 
 // Law: what is late is late for whatever adds to it.
+// What is found first stands in for what is found later: a wide Stribeck curve beside viscous friction looks
+// much like Coulomb friction beside a narrow one.
+TEST(Diagnose, StribeckBesideCoulombFrictionIsToldFromViscousFriction) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(
+      robot, recorded(robot,
+                      {"coulomb_friction:joints=7,coefficient=1.1",
+                       "stribeck_friction:joints=7,static=0.57,stribeck_velocity=0.23,exponent=1.87"},
+                      21, 24.0));
+  std::set<std::string> names;
+  for (const FoundEffect& e : d.effects) names.insert(e.effect.name);
+  EXPECT_EQ(names, (std::set<std::string>{"coulomb_friction", "stribeck_friction"}));
+}
+
 TEST(Diagnose, WhatOtherEffectsAddIsAsLate) {
   const Robot robot = panda();
   const Diagnosis d =
