@@ -20,9 +20,12 @@ double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor) {
 
 double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
                        const Eigen::VectorXd& floor) {
-  const double noise = double(floor.size()), b = energy(before, floor) - noise,
-               a = energy(after, floor) - noise;
-  return b > 0.0 ? std::min(1.0, 1.0 - a / b) : 0.0;
+  // Joint by joint: one that is quieter than its floor does not make up for the gap of another.
+  const auto beyond = [&](const Eigen::MatrixXd& x) {
+    return (rms(x).array() / floor.array()).square().cwiseMax(1.0).sum() - double(floor.size());
+  };
+  const double b = beyond(before);
+  return b > 0.0 ? std::min(1.0, 1.0 - beyond(after) / b) : 0.0;
 }
 
 bool worse(const GapRows& rows, const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,

@@ -10,7 +10,7 @@ namespace dynid::detail {
 Eigen::VectorXd rms(const Eigen::MatrixXd& x);
 /// Energy in units of the floor (n), joints pooled, a row.
 double energy(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor);
-/// Part of the energy beyond the floor that is gone, at most 1; 0 where there is none before.
+/// Part of the energy beyond each joint's floor that is gone, at most 1; 0 where there is none before.
 double shrink_fraction(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
                        const Eigen::VectorXd& floor);
 /// `after` is larger than `before`, block by block: what happens once, however large, does not decide.
