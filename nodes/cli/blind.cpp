@@ -16,7 +16,8 @@ struct Arguments {
   Output output;
   RobotOption model;
   BlindOptions options;
-  std::string calibration;  // file to write
+  std::string calibration;           // file to write
+  std::vector<std::string> earlier;  // banks that it is fitted to as well
   bool servo = false;
 };
 
@@ -36,7 +37,7 @@ void run(const Arguments& a) {
     Progress progress(a.output);
     report = a.servo ? run_servos(job, progress.context()) : run(job, progress.context());
   }
-  if (!a.calibration.empty()) write_file(a.calibration, report.calibration());
+  if (!a.calibration.empty()) write_file(a.calibration, report.calibration(a.earlier));
   a.output.write(to_json(report));
   if (a.output.summary()) print(std::cout, report);
 }
@@ -68,12 +69,18 @@ void add_blind(CLI::App& app, int& status) {
                     "Servo logs: commands and positions, no torque; each case has servos of its own");
   command->add_option("--folder", a->options.folder, "Keep the logs, and apart from them the labels, here")
       ->type_name("FOLDER");
+  CLI::Option* const calibrate = command
+                                     ->add_option("--calibrate", a->calibration,
+                                                  "Fit what makes probabilities and intervals mean what they "
+                                                  "say to this bank, and write it (YAML; "
+                                                  "config/diagnosis_calibration.yaml is built in)")
+                                     ->type_name("FILE");
   command
-      ->add_option(
-          "--calibrate", a->calibration,
-          "Fit what makes probabilities and intervals mean what they say to this bank, and write it (YAML; "
-          "config/diagnosis_calibration.yaml is built in)")
-      ->type_name("FILE");
+      ->add_option("--with", a->earlier,
+                   "Earlier banks that the calibration is fitted to as well: what --json wrote of them")
+      ->check(CLI::ExistingFile)
+      ->type_name("LIST.json")
+      ->needs(calibrate);
   a->output.add_to(*command);
   command->footer("Example: dynid blind --cases 200 --seed 7 --kind nominal --json blind.json");
   command->callback([a, &status] {

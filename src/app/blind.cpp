@@ -2,11 +2,13 @@
 #include "dynid/app/blind.hpp"
 
 #include <optional>
+#include <utility>
 
 #include "app/check.hpp"
 #include "app/job.hpp"
 #include "app/temporary_folder.hpp"
 #include "dynid/app/choices.hpp"
+#include "dynid/base/file.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "dynid/diagnosis/servo_blind.hpp"
 
@@ -47,14 +49,20 @@ BlindReport run_servos(const BlindJob& job, const Context& context) {
   });
 }
 
-std::string BlindReport::calibration() const {
-  return calibration_yaml(fit_calibration(cases), "dynid blind --cases " + std::to_string(options.cases) +
-                                                      " --seed " + std::to_string(options.seed) + " --kind " +
-                                                      word_for(blind_kinds(), options.kind) +
-                                                      (options.given_robot ? " --motions"
-                                                       : options.family    ? " --family"
-                                                                           : "") +
-                                                      " --calibrate FILE");
+std::string BlindReport::calibration(const std::vector<std::string>& earlier) const {
+  std::vector<BlindCase> all = cases;
+  std::string with;
+  for (const std::string& path : earlier) {
+    for (BlindCase& c : blind_cases(read_file(path), path)) all.push_back(std::move(c));
+    with += " --with " + path;
+  }
+  return calibration_yaml(fit_calibration(all), "dynid blind --cases " + std::to_string(options.cases) +
+                                                    " --seed " + std::to_string(options.seed) + " --kind " +
+                                                    word_for(blind_kinds(), options.kind) +
+                                                    (options.given_robot ? " --motions"
+                                                     : options.family    ? " --family"
+                                                                         : "") +
+                                                    with + " --calibrate FILE");
 }
 
 }  // namespace dynid

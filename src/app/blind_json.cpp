@@ -1,8 +1,66 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "app/serialise.hpp"
+#include "dynid/base/error.hpp"
+#include "dynid/effect/catalogue.hpp"
 
 namespace dynid {
 namespace {
+
+Effect effect_of(const nlohmann::json& e) {
+  Effect out;
+  out.name = e.at("name");
+  out.joints = e.at("joints").get<std::vector<int>>();
+  out.parameters = e.at("parameters").get<std::map<std::string, std::vector<double>>>();
+  return out;
+}
+
+Eigen::VectorXd vector_of(const nlohmann::json& x) {
+  const auto values = x.get<std::vector<double>>();
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+FoundEffect found_of(const nlohmann::json& e) {
+  FoundEffect out;
+  out.effect = effect_of(e);
+  out.probability = e.at("probability");
+  out.aliases = e.at("aliases").get<std::vector<std::string>>();
+  const EffectSchema& schema = effect_schema(out.effect.name);
+  for (const auto& [key, interval] : e.at("intervals").items()) {
+    ParameterEstimate p;
+    p.key = key;
+    p.value = vector_of(e.at("parameters").at(key));
+    p.low = vector_of(interval.at("low"));
+    p.high = vector_of(interval.at("high"));
+    p.per_joint = schema.parameter(key).per_joint;
+    if (p.low.size() != p.value.size() || p.high.size() != p.value.size())
+      throw Error("an interval of " + out.effect.name + "." + key + " is not as long as its value");
+    out.parameters.push_back(std::move(p));
+  }
+  return out;
+}
+
+ConsideredEffect considered_of(const nlohmann::json& e) {
+  ConsideredEffect out;
+  out.name = e.at("name");
+  out.joints = e.at("joints").get<std::vector<int>>();
+  out.share = e.at("share");
+  out.probability = e.at("probability");
+  for (std::size_t k = 0; k < ground_count; ++k) out.grounds.value[k] = e.at("grounds").at(ground_names[k]);
+  return out;
+}
+
+BlindCase case_of(const nlohmann::json& c) {
+  BlindCase out;
+  for (const nlohmann::json& e : c.at("truth")) out.truth.push_back(effect_of(e));
+  for (const nlohmann::json& e : c.at("found")) out.found.push_back(found_of(e));
+  for (const nlohmann::json& e : c.at("considered")) out.considered.push_back(considered_of(e));
+  out.background = c.at("background").get<std::vector<std::string>>();
+  out.withheld = c.at("withheld").get<std::vector<std::string>>();
+  out.drawn = c.at("drawn").get<std::map<std::string, std::string>>();
+  out.nominal_error = c.at("nominal_error");
+  out.failure = c.at("failure");
+  return out;
+}
 
 nlohmann::json found_json(const FoundEffect& e) {
   nlohmann::json intervals = nlohmann::json::object();
@@ -38,6 +96,18 @@ nlohmann::json case_json(const BlindCase& c) {
 }
 
 }  // namespace
+
+std::vector<BlindCase> blind_cases(const std::string& text, const std::string& source) {
+  std::vector<BlindCase> out;
+  try {
+    for (const nlohmann::json& c : nlohmann::json::parse(text).at("list")) out.push_back(case_of(c));
+  } catch (const nlohmann::json::exception& e) {
+    throw Error(source + ": not the --json of `dynid blind` on torque logs: " + e.what());
+  } catch (const Error& e) {
+    throw Error(source + ": case " + std::to_string(out.size()) + ": " + e.what());
+  }
+  return out;
+}
 
 nlohmann::json to_json(const BlindReport& report) {
   const BlindScore& s = report.score;

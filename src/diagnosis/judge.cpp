@@ -205,8 +205,8 @@ class Judge {
 
 }  // namespace
 
-Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise, const GapSize& size,
-             double structure_p_value, const DiagnoseOptions& options) {
+Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise,
+             const GapSize& size, double structure_p_value, const DiagnoseOptions& options) {
   const Judge by(choice, everything, noise, options);
   Judged out;
   out.model = choice.model;

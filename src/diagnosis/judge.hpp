@@ -24,8 +24,8 @@ struct Judged {
 
 /// Whether the effects of a choice are the whole story. `everything`: the rows that were split; `noise`: n
 /// [N m rms], the floor; `structure_p_value`: see structure_p_value().
-Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise, const GapSize& size,
-             double structure_p_value, const DiagnoseOptions& options);
+Judged judge(const Choice& choice, const GapRows& everything, const Eigen::VectorXd& noise,
+             const GapSize& size, double structure_p_value, const DiagnoseOptions& options);
 
 /// Whether the effects of the verdict are named.
 inline bool adopts(Verdict verdict) {

@@ -21,8 +21,8 @@ constexpr double edge_periods = 1.0;     // of the cut-off, at either end of a s
 constexpr Eigen::Index directions = 24;  // of the nuisance, at most
 constexpr double usual_error =
     0.03;  // of the nominal's parameters, relatively: the largest that the search assumes
-constexpr double least_seen = 0.1;    // of the white floor: what is smaller, in a hundred parts of energy
-constexpr double least_floor = 1e-4;  // of the largest load of a joint of its type
+constexpr double least_seen = 0.1;        // of the white floor: what is smaller, in a hundred parts of energy
+constexpr double least_floor = 1e-4;      // of the largest load of a joint of its type
 constexpr double usual_lateness = 0.025;  // of stamps, in parts of the time between rows
 
 /// What a link's parameters are measured against: an error of its centre of mass or of its inertia may have

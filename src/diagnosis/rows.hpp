@@ -84,8 +84,8 @@ class GapRows {
   Eigen::VectorXd white_floor;
   /// Of each joint [N m]: what coloured noise is measured against: white_floor, until allow_for_colour().
   Eigen::VectorXd coloured_floor;
-  /// Makes coloured_floor at least `part` of the white noise of the logs' own samples: of coloured noise, which
-  /// may well be as strong, the filter takes little, however fast the log.
+  /// Makes coloured_floor at least `part` of the white noise of the logs' own samples: of coloured noise,
+  /// which may well be as strong, the filter takes little, however fast the log.
   void allow_for_colour(const std::vector<Log>& logs, double part);
 
  private:

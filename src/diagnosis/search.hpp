@@ -60,8 +60,8 @@ class Search {
   /// Which joint has which of the model's own effects, each joint decided by itself: an effect that came
   /// first may have taken joints of one that came later.
   GapModel reassigned(const GapModel& model) const;
-  /// The model with its own effects shaped anew on the joints of the newest one: what came first was shaped to
-  /// stand in for what came later as well.
+  /// The model with its own effects shaped anew on the joints of the newest one: what came first was shaped
+  /// to stand in for what came later as well.
   GapModel reshaped(const GapModel& model) const;
   /// The model with a simpler effect beside one that contains it, on the joints that ask for no more: what
   /// all joints have (Coulomb friction) is not to take the name of what some have (asymmetric Coulomb

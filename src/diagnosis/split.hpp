@@ -19,8 +19,8 @@ inline double within_length(const GapRows& rows) { return within_rows * rows.per
 /// Rows in every other block of `seconds`, `apart` rows from each change.
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index apart);
 
-/// What chooses and fits, and what only judges: of several logs the last judges, of one every other block, those
-/// with less of the gap: what passes is fitted where most of it is.
+/// What chooses and fits, and what only judges: of several logs the last judges, of one every other block,
+/// those with less of the gap: what passes is fitted where most of it is.
 struct Split {
   std::vector<bool> to_fit, to_judge;  ///< of each row
   bool several = false;                ///< logs

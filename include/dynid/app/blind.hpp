@@ -21,10 +21,16 @@ struct BlindReport {
   BlindScore score;
   BlindOptions options;  ///< of the bank
 
-  /// What makes probabilities and intervals mean what they say, fitted to this bank: text of a calibration
-  /// file. Throws Error as fit_calibration().
-  std::string calibration() const;
+  /// What makes probabilities and intervals mean what they say, fitted to this bank and to those of
+  /// `earlier`: files that dynid blind --json wrote, with the calibration that is in use. Text of a
+  /// calibration file. Throws Error as fit_calibration() and blind_cases().
+  std::string calibration(const std::vector<std::string>& earlier = {}) const;
 };
+
+/// What a calibration needs of the cases of an earlier bank: truth, findings and what was weighed. `text`:
+/// what dynid blind --json wrote; `source`: its file. Throws Error naming the source, and the case, where it
+/// is anything else.
+std::vector<BlindCase> blind_cases(const std::string& text, const std::string& source);
 
 /// Throws OptionError: `cases` must be positive.
 void check_options(const BlindJob& job);
