@@ -100,7 +100,8 @@ nlohmann::json case_json(const BlindCase& c) {
 std::vector<BlindCase> blind_cases(const std::string& text, const std::string& source) {
   std::vector<BlindCase> out;
   try {
-    for (const nlohmann::json& c : nlohmann::json::parse(text).at("list")) out.push_back(case_of(c));
+    const nlohmann::json bank = nlohmann::json::parse(text);
+    for (const nlohmann::json& c : bank.at("list")) out.push_back(case_of(c));
   } catch (const nlohmann::json::exception& e) {
     throw Error(source + ": not the --json of `dynid blind` on torque logs: " + e.what());
   } catch (const Error& e) {

@@ -11,9 +11,6 @@
 namespace dynid::detail {
 namespace {
 
-// Energy that an effect has to have in rows that are to judge it: in units of the floor, five standard
-// deviations of noise; and of what it has where it was found.
-constexpr double least_shown = 25.0, least_part_shown = 0.01;
 constexpr double tiny = 1e-6;  // of shares and ratios: their logarithm ends there
 
 /// Rows in which an effect can be judged, and what each effect adds there with what was fitted elsewhere.
@@ -90,14 +87,11 @@ std::vector<Grounds> grounds_of(const Choice& choice, const GapModel& model,
                            within);
   const Eigen::VectorXd before = by_joint(choice.rows.y, floor), after = by_joint(model.fit.residual, floor);
   const Trial found = trial(choice.rows, model);
-  const auto shows = [&](const Trial& t, std::size_t k) {
-    const double there = energy(t.own[k], floor);
-    return there * double(t.rows.size()) > least_shown &&
-           there > least_part_shown * energy(found.own[k], floor);
-  };
   const auto judged = [&](std::size_t k) -> const Trial& {
-    if (!choice.split.alone && !model.effects[k].h->once() && shows(held, k)) return held;
-    return shows(near, k) ? near : found;
+    // What does not come back goes on in the rows that a log alone keeps to judge.
+    const bool there = !model.effects[k].h->once() || !choice.split.several;
+    if (!choice.split.alone && there && shows(held.own[k], found.own[k], floor)) return held;
+    return shows(near.own[k], found.own[k], floor) ? near : found;
   };
   const Eigen::MatrixXd held_left = left_in(held, model.kappa), near_left = left_in(near, within.kappa),
                         &found_left = model.fit.residual;

@@ -13,6 +13,10 @@ namespace dynid::detail {
 
 namespace {
 
+// Energy that an effect has to have in rows that are to judge it: in units of the floor, five standard
+// deviations of noise; and of what it has where it was found.
+constexpr double least_shown = 25.0, least_part_shown = 0.01;
+
 /// The gap, and what is left of it, in rows of which `block` says which belong together.
 Shrink shrink_of(const Eigen::MatrixXd& before, const Eigen::MatrixXd& after,
                  const std::vector<double>& block, const Eigen::VectorXd& floor, unsigned seed) {
@@ -63,6 +67,11 @@ GapModel fitted_on(const GapRows& rows, const GapModel& model) {
 Shrink shrink_of(const GapRows& rows, const Eigen::MatrixXd& after, const Eigen::VectorXd& floor,
                  unsigned seed) {
   return shrink_of(rows.y, after, blocks_of(rows, block_length(rows)), floor, seed);
+}
+
+bool shows(const Eigen::MatrixXd& there, const Eigen::MatrixXd& found, const Eigen::VectorXd& floor) {
+  const double here = energy(there, floor);
+  return here * double(there.rows()) > least_shown && here > least_part_shown * energy(found, floor);
 }
 
 GapModel fitted_within(const GapRows& rows, const GapModel& model) {

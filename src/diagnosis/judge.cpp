@@ -30,13 +30,13 @@ class Judge {
   double explained(const GapModel& m, Shrink& shrink) const {
     if (m.effects.empty()) return 0.0;
     const GapRows &rows = choice_.rows, &held = choice_.held;
-    const bool window = has_window(m), alone = choice_.split.alone;
+    const bool window = has_window(m), alone = choice_.split.alone, held_judges = judged_in_held(m);
     double least = taken(rows, m.fit.residual);
-    if (window || alone) shrink = shrink_within(around_, m, noise_, options_.seed);
+    if (!held_judges && (window || alone)) shrink = shrink_within(around_, m, noise_, options_.seed);
     const auto left = [&](const Eigen::MatrixXd& y) -> Eigen::MatrixXd {
       return fit_terms(held, y, {}, m.kappa).residual;
     };
-    if (!has_once(m)) {
+    if (held_judges || (alone && !has_once(m))) {
       // What was found has to hold where it was not found.
       const Eigen::MatrixXd rest = left(held.y - contribution(held, m, m.fit.theta));
       if (!alone)
@@ -47,11 +47,24 @@ class Judge {
       // A drift starts anew in each log, or is over: it may come back at another size, but nothing else may.
       least = std::min(least, taken(held, fit_of(held, carried(held, m.effects), m.kappa).residual));
     }
+    if (held_judges) return least;
     if (window && m.effects.size() == 1)  // a window of anything fits
       least = std::min(least, std::max(0.0, shrink.fraction));
     else if (alone)
       least = std::min(least, std::max(0.0, explained_within(around_, m, noise_)));
     return least;
+  }
+
+  /// The rows held out judge all of the model: it comes back there or, what does not, goes on there.
+  bool judged_in_held(const GapModel& m) const {
+    if (choice_.split.alone) return false;
+    for (std::size_t k = 0; k < m.effects.size(); ++k)
+      if (m.effects[k].h->once() &&
+          (choice_.split.several ||
+           !shows(contribution(choice_.held, m, m.fit.theta, static_cast<std::ptrdiff_t>(k)),
+                  own_contribution(m, k), noise_)))
+        return false;
+    return true;
   }
 
   /// Effects that may as well not be there, or that take nothing of the gap, are left out one by one, least
@@ -214,7 +227,8 @@ Judged judge(const Choice& choice, const GapRows& everything, const Eigen::Vecto
   by.prune(out);
   by.weigh(out);
   out.windowed = has_window(out.model);
-  out.within = out.windowed || (choice.split.alone && !out.model.effects.empty());
+  out.within =
+      !by.judged_in_held(out.model) && (out.windowed || (choice.split.alone && !out.model.effects.empty()));
   if (!out.within) out.shrink = by.shrink_in_held(out.model, true);
   out.verdict = by.verdict(out, size, structure_p_value);
   if (!out.within && !adopts(out.verdict)) out.shrink = by.shrink_in_held(out.model, false);

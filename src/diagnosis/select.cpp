@@ -12,6 +12,7 @@ namespace dynid::detail {
 namespace {
 
 constexpr int most_passes = 2;  // of the search with a delay that is known
+constexpr std::size_t other_beginnings = 4;
 constexpr Eigen::Index least_rows = 40, least_held = 10;
 
 /// Several channels late by times of their own may all be late by one.
@@ -77,6 +78,10 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
   }
   if (!split.several) settle_ends(everything);
   keep_what_holds();
+  if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects)) {
+    if (!split.several) settle_ends(everything);
+    keep_what_holds();
+  }
 }
 
 Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice& sought)
@@ -91,6 +96,27 @@ const GapRows& Choice::checked() const {
     throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
                 std::to_string(held.size()) + " to judge by are too few");
   return rows;
+}
+
+bool Choice::leaves_gap(double tolerance) const {
+  if (model.effects.empty()) return false;
+  Eigen::MatrixXd rest = held.y;
+  for (std::size_t k = 0; k < model.effects.size(); ++k)
+    if (!split.several || !model.effects[k].h->once())
+      rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
+  return left_over(rows, model.fit.residual, tolerance, criteria()) ||
+         left_over(held, fit_terms(held, rest, {}, tolerance).residual, tolerance, criteria());
+}
+
+bool Choice::begun_elsewhere(int most) {
+  bool better = false;
+  std::vector<GapModel> beginnings = search.alternatives(search.none(model.kappa), 8);
+  if (beginnings.size() > other_beginnings) beginnings.resize(other_beginnings);
+  for (const GapModel& beginning : beginnings) {
+    const GapModel other = search.grown(beginning, most);
+    if (other.score > model.score + criteria().least_better) model = other, better = true;
+  }
+  return better;
 }
 
 bool Choice::left_in_held(double tolerance) const {

@@ -44,6 +44,11 @@ class Choice {
   /// When something began and ended is not predicted but seen: the ends of windows go to where all rows fit
   /// best, since in a log alone they may lie in what is kept to judge.
   void settle_ends(const GapRows& everything);
+  /// What was chosen leaves a gap, where it was chosen or where it is judged.
+  bool leaves_gap(double tolerance) const;
+  /// Grows sets from other first effects: one step after the other leads to where the first one led. Whether
+  /// one is better; it is then the choice.
+  bool begun_elsewhere(int most);
   /// Beside an effect that does not come back, others have to hold where it is not.
   void keep_what_holds();
 };
