@@ -75,9 +75,13 @@ struct Weighed {
   double weight;
 };
 
-/// Every effect weighed in the bank, but those that may be there or not.
+/// Every effect weighed in the bank, but those that may be there or not. What the weights are to say is how
+/// likely it is that the effect is there, or one that was named beside it as not to be told from it.
 std::vector<Weighed> weighed(const std::vector<BlindCase>& cases) {
   std::vector<Weighed> out;
+  const auto there = [](const BlindCase& c, const std::string& name) {
+    return std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& t) { return t.name == name; });
+  };
   for (const BlindCase& c : cases) {
     if (!c.failure.empty()) continue;
     const bool unknown =
@@ -85,10 +89,11 @@ std::vector<Weighed> weighed(const std::vector<BlindCase>& cases) {
                                            [](const Effect& t) { return t.name.rfind("unknown", 0) == 0; });
     for (const ConsideredEffect& e : c.considered) {
       if (std::find(c.background.begin(), c.background.end(), e.name) != c.background.end()) continue;
-      out.push_back(
-          {e.name, e.grounds,
-           std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& t) { return t.name == e.name; }),
-           unknown ? weight_of_unknown : 1.0});
+      bool right = there(c, e.name);
+      for (const FoundEffect& f : c.found)
+        for (const std::string& alias : f.aliases)
+          right = right || (f.effect.name == e.name && there(c, alias));
+      out.push_back({e.name, e.grounds, right, unknown ? weight_of_unknown : 1.0});
     }
   }
   return out;

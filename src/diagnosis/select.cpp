@@ -2,6 +2,8 @@
 #include "select.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -76,10 +78,10 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
     const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
     if (again.score > model.score) model = again;
   }
-  if (!split.several) settle_ends(everything);
+  if (!split.several) settle_windows(everything);
   keep_what_holds();
   if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects)) {
-    if (!split.several) settle_ends(everything);
+    if (!split.several) settle_windows(everything);
     keep_what_holds();
   }
 }
@@ -149,29 +151,47 @@ double Choice::tuned(const std::vector<std::vector<Adopted>>& sets, double toler
   return kappa;
 }
 
-void Choice::settle_ends(const GapRows& everything) {
+void Choice::settle_windows(const GapRows& everything) {
   if (!has_window(model) || everything.size() > criteria().searched_rows) return;
   std::vector<Adopted> effects = carried(everything, model.effects);
   double best = fit_of(everything, effects, model.kappa).total;
-  const double period = everything.period();
   for (Adopted& effect : effects) {
     if (effect.h->scope() != Scope::window) continue;
     UnitShape& unit = effect.units.front();
-    for (double step = block_length(everything); step >= 0.5 * period; step /= 2.0) {
-      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
-        const UnitShape before = unit;
-        unit.shape[0] += start;
-        unit.shape[1] += end - start;
-        if (unit.shape[1] >= period) {
-          unit.block = std::make_shared<RowBlock>(everything.block(*effect.h, unit.unit, unit.shape));
-          const double here = fit_of(everything, effects, model.kappa).total;
-          if (here > best) {
-            best = here;
-            continue;
-          }
-        }
+    const std::vector<ShapeParameter> parameters = everything.shape(*effect.h, unit.unit);
+    const auto tried = [&](const Eigen::VectorXd& shape) {
+      const UnitShape before = unit;
+      unit.shape = shape;
+      unit.block = std::make_shared<RowBlock>(everything.block(*effect.h, unit.unit, shape));
+      const double here = fit_of(everything, effects, model.kappa).total;
+      if (here > best)
+        best = here;
+      else
         unit = before;
+    };
+    double factor = 4.0;
+    for (double step = block_length(everything); step >= 0.5 * everything.period(); step /= 2.0) {
+      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
+        Eigen::VectorXd shape = unit.shape;
+        shape[0] += start;
+        shape[1] += end - start;
+        if (shape[1] >= everything.period()) tried(shape);
       }
+      for (std::size_t s = 2; s < parameters.size(); ++s) {
+        const ShapeParameter& p = parameters[s];
+        for (const double by : {1.0 / factor, factor}) {
+          if (!p.logarithmic) continue;
+          // How fast: what is in the middle of its rise, and of its fall, stays where it is.
+          Eigen::VectorXd shape = unit.shape;
+          double& x = shape[static_cast<Eigen::Index>(s)];
+          const double before = x;
+          x = std::clamp(by * x, p.low, p.high);
+          shape[0] += 0.5 * (before - x);
+          shape[1] -= before - x;
+          if (shape[1] >= everything.period()) tried(shape);
+        }
+      }
+      factor = std::sqrt(factor);
     }
   }
   model = search.moved_here(effects, model.kappa);

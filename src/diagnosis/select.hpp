@@ -41,9 +41,9 @@ class Choice {
   /// How far off the nominal parameters are is found along with the effects: an error of the model must not
   /// be named an effect, nor an effect be taken for such an error.
   double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;
-  /// When something began and ended is not predicted but seen: the ends of windows go to where all rows fit
-  /// best, since in a log alone they may lie in what is kept to judge.
-  void settle_ends(const GapRows& everything);
+  /// When something began, how fast, and when it ended is not predicted but seen: that of windows becomes
+  /// what all rows fit best, since in a log alone it may lie in what is kept to judge.
+  void settle_windows(const GapRows& everything);
   /// What was chosen leaves a gap, where it was chosen or where it is judged.
   bool leaves_gap(double tolerance) const;
   /// Grows sets from other first effects: one step after the other leads to where the first one led. Whether

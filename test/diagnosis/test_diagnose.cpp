@@ -241,6 +241,22 @@ TEST(Diagnose, PayloadOfAPlanarArmIsNamed) {
 
 // Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
 // stays.
+// No torque tells a payload from an error of the last link, however large.
+TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLink) {
+  const Robot robot = panda();
+  for (const char* mass : {"0.4", "3"}) {
+    SCOPED_TRACE(mass);
+    const Diagnosis d = diagnose(
+        robot,
+        recorded(robot, {std::string("payload:com=0:0.01:0.15,inertia=0.002:0:0:0.002:0:0.002,mass=") + mass},
+                 13));
+    ASSERT_EQ(d.effects.size(), 1U);
+    const std::vector<std::string>& aliases = d.effects[0].aliases;
+    EXPECT_EQ(d.effects[0].effect.name, "payload");
+    EXPECT_NE(std::find(aliases.begin(), aliases.end(), "link_inertial_error"), aliases.end());
+  }
+}
+
 TEST(Hypotheses, ImpossiblePayloadsGiveWayToTheNearestBody) {
   const Hypothesis* payload = find_hypothesis(std::string("payload"));
   std::mt19937_64 random(3);
@@ -690,6 +706,24 @@ TEST(Diagnose, StribeckBesideCoulombFrictionIsToldFromViscousFriction) {
   EXPECT_EQ(names, (std::set<std::string>{"coulomb_friction", "stribeck_friction"}));
 }
 
+// What is found first leads the search: a thermal drift, of a short log, to sets that do not hold.
+TEST(Diagnose, AGearCouplingBesideFrictionIsFoundInAShortLog) {
+  const Robot robot = panda();
+  for (const unsigned long seed : {1UL, 6UL}) {
+    SCOPED_TRACE(seed);
+    const std::vector<Log> logs =
+        recorded(robot,
+                 {"coulomb_friction:joints=4+5,coefficient=3",
+                  "gear_coupling:joints=4+5,ratio=-1,coulomb=2,viscous=0.8,inertia=0.1"},
+                 seed, 7.5);
+    const Diagnosis d = diagnose(robot, {logs[0]});
+    EXPECT_EQ(d.verdict, Verdict::explained);
+    std::set<std::string> names;
+    for (const FoundEffect& e : d.effects) names.insert(e.effect.name);
+    EXPECT_EQ(names, (std::set<std::string>{"coulomb_friction", "gear_coupling"}));
+  }
+}
+
 TEST(Diagnose, WhatOtherEffectsAddIsAsLate) {
   const Robot robot = panda();
   const Diagnosis d =
@@ -798,6 +832,22 @@ TEST(Calibration, FindsTheWeights) {
   EXPECT_EQ(fitted.temperature, calibration().temperature);
   cases.resize(10);
   EXPECT_THROW(fit_calibration(cases), Error);
+}
+
+// What said of itself that it cannot be told from what is there was right.
+TEST(Calibration, AnAliasThatIsThereIsRight) {
+  std::vector<BlindCase> cases(100);
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    cases[k].considered = {{k % 2 == 0 ? "a" : "c", {1}, 1.0, {}, 0.0}};
+    FoundEffect found;
+    found.effect = {"a", {1}, {}};
+    found.aliases = {"b"};
+    if (k % 2 == 0) cases[k].found = {found};
+    cases[k].truth = {{"b", {1}, {}}};
+  }
+  const Calibration fitted = fit_calibration(cases);
+  EXPECT_GT(fitted.probability("a", {}), 0.9);
+  EXPECT_LT(fitted.probability("c", {}), 0.1);
 }
 
 // Law: a calibration that is written is the one that is read, and the program uses all of it.
