@@ -22,7 +22,7 @@ constexpr double told_apart = 4.0;  // D: a likelihood ratio of e^4
 constexpr int points = 4;           // of an alias' shape grid, in each direction
 constexpr double small = 0.04;      // of a motion's swing: where reversals turn
 
-struct Candidate {
+struct CandidateMotion {
   const char* what;  // imperative
   Trajectory motion;
 };
@@ -233,7 +233,7 @@ NextExperiment next_experiment(const Robot& nominal, const Diagnosis& diagnosis)
 
   constexpr unsigned long seed = 1;
   const Trajectory usual = paced(nominal, 1.0, seed);
-  std::vector<Candidate> candidates;
+  std::vector<CandidateMotion> candidates;
   candidates.push_back({"the same kind of motion again, within all limits", usual});
   candidates.push_back({"a slow motion, at 0.4 times the speed", slowed(usual, 0.4)});
   candidates.push_back({"a faster motion, turning 1.5 times as often", paced(nominal, 1.5, seed)});

@@ -9,8 +9,9 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double farthest = 0.4;  // of the arm's reach: the point from the link's origin, along each axis
-constexpr double quickest = 0.002, slowest = 0.15;  // rise, in parts of a sweep of the joints
+constexpr double farthest_point =
+    0.4;  // of the arm's reach: the point from the link's origin, along each axis
+constexpr double quickest_rise = 0.002, slowest_rise = 0.15;  // rise, in parts of a sweep of the joints
 
 class ExternalContact : public Hypothesis {
  public:
@@ -20,10 +21,10 @@ class ExternalContact : public Hypothesis {
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override { return shape_on(JointScale()); }
   std::vector<ShapeParameter> shape_on(const JointScale& arm) const override {
-    const double far = farthest * arm.travel, sweep = arm.duration();
+    const double far = farthest_point * arm.travel, sweep = arm.duration();
     return {{"start", "s", -1e12, 1e12, 1, false},
             {"duration", "s", 0.0, 1e12, 1, false},
-            {"rise_time", "s", quickest * sweep, slowest * sweep, 1, true},
+            {"rise_time", "s", quickest_rise * sweep, slowest_rise * sweep, 1, true},
             {"x", "m", -far, far, 1, false},
             {"y", "m", -far, far, 1, false},
             {"z", "m", -far, far, 1, false}};
