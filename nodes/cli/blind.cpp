@@ -12,7 +12,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct BlindArguments {
   Output output;
   RobotOption model;
   BlindOptions options;
@@ -21,7 +21,7 @@ struct Arguments {
   bool servo = false;
 };
 
-void run(const Arguments& a) {
+void run_blind(const BlindArguments& a) {
   BlindJob job;
   job.options = a.options;
   job.options.family = a.options.family || a.options.given_robot;
@@ -45,7 +45,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_blind(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<BlindArguments>();
   CLI::App* command =
       app.add_subcommand("blind", "Diagnose a bank of simulated robots whose effects are withheld");
   a->model.path = "config/panda.yaml";
@@ -84,7 +84,7 @@ void add_blind(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid blind --cases 200 --seed 7 --kind nominal --json blind.json");
   command->callback([a, &status] {
-    run(*a);
+    run_blind(*a);
     status = 0;
   });
 }

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct BoundsArguments {
   Output output;
   RobotOption robot;
   BoundsJob job;
@@ -30,7 +30,7 @@ std::string named_from(const std::string& out, const std::string& urdf) {
   return relative.empty() || *relative.begin() == ".." ? file.lexically_normal().string() : relative.string();
 }
 
-void run(const Arguments& a) {
+void run_bounds(const BoundsArguments& a) {
   a.output.check({a.out});
   BoundsJob job = a.job;
   job.robot = a.robot.read(a.output).robot;
@@ -56,7 +56,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_bounds(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<BoundsArguments>();
   CLI::App* command = app.add_subcommand(
       "bounds", "Write bounds for retrieve from a robot's inertials, collision geometry and total mass");
   a->robot.add_to(*command);
@@ -80,7 +80,7 @@ void add_bounds(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid bounds --robot arm.urdf --out bounds.yaml");
   command->callback([a, &status] {
-    run(*a);
+    run_bounds(*a);
     status = 0;
   });
 }

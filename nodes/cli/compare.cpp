@@ -11,20 +11,20 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct CompareArguments {
   Output output;
   std::vector<std::string> diagnoses;
   std::string report;
 };
 
-std::string command_line(const Arguments& a) {
+std::string command_line(const CompareArguments& a) {
   std::string line = "dynid compare";
   for (const std::string& path : a.diagnoses) line += " " + shell_quoted(path);
   if (!a.report.empty()) line += " --report " + shell_quoted(a.report);
   return line;
 }
 
-void run(const Arguments& a) {
+void run_compare(const CompareArguments& a) {
   a.output.check({a.report});
   CompareJob job;
   for (const std::string& path : a.diagnoses) job.diagnoses.push_back({path, read_file(path)});
@@ -39,7 +39,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_compare(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<CompareArguments>();
   CLI::App* command = app.add_subcommand("compare", "Two or more diagnoses side by side: what changed");
   command->add_option("diagnoses", a->diagnoses, "What dynid diagnose --json wrote, two or more files")
       ->required()
@@ -49,7 +49,7 @@ void add_compare(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid compare monday.json tuesday.json --report compare.html");
   command->callback([a, &status] {
-    run(*a);
+    run_compare(*a);
     status = 0;
   });
 }

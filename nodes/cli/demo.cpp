@@ -16,20 +16,20 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct DemoArguments {
   Output output;
   std::string robot = "config/panda.yaml", bounds = "config/panda_bounds.yaml", out = "demo";
   std::vector<std::string> effects = {"joint_spring:joints=2,stiffness=20"};
   unsigned long seed = 1;
 };
 
-std::string command_line(const Arguments& a) {
+std::string command_line(const DemoArguments& a) {
   std::string line = "dynid demo";
   for (const std::string& effect : a.effects) line += " --effect " + shell_quoted(effect);
   return line + " --seed " + std::to_string(a.seed) + " --out " + shell_quoted(a.out);
 }
 
-bool run(const Arguments& a) {
+bool run_demo(const DemoArguments& a) {
   std::error_code error;
   std::filesystem::create_directories(a.out, error);
   if (error) throw Error(a.out + ": cannot be made: " + error.message());
@@ -69,7 +69,7 @@ bool run(const Arguments& a) {
 }  // namespace
 
 void add_demo(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<DemoArguments>();
   CLI::App* command = app.add_subcommand(
       "demo",
       "Excite, identify, make feasible and diagnose a simulated Panda that hides an effect; write a page");
@@ -86,7 +86,7 @@ void add_demo(CLI::App& app, int& status) {
   command->add_option("--seed", a->seed, "Seed of noise and motions")->capture_default_str();
   a->output.add_to(*command);
   command->footer("Example: dynid demo --effect payload:mass=1.5 --out demo");
-  command->callback([a, &status] { status = run(*a) ? 0 : 1; });
+  command->callback([a, &status] { status = run_demo(*a) ? 0 : 1; });
 }
 
 }  // namespace dynid

@@ -21,7 +21,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct DiagnoseArguments {
   Output output;
   RobotOption model;
   LogOption input;
@@ -31,7 +31,7 @@ struct Arguments {
 };
 
 /// The command that makes this diagnosis again.
-std::string command_line(const Arguments& a) {
+std::string command_line(const DiagnoseArguments& a) {
   DiagnoseCommand command;
   command.model = a.model.path;
   command.base = a.model.base;
@@ -56,7 +56,7 @@ std::string command_line(const Arguments& a) {
 }
 
 /// What is odd about the model, on standard error.
-void warn_of(const Robot& model, const Arguments& a) {
+void warn_of(const Robot& model, const DiagnoseArguments& a) {
   if (a.output.quiet) return;
   for (const ModelWarning& warning : check_model(model))
     std::cerr << "dynid: warning: " << a.model.path << ": " << warning.text << "\n";
@@ -72,7 +72,7 @@ std::string state_of(const std::string& path) {
 /// The folder of a fleet's diagnoses, where none is named: beside the table, until all are done.
 std::string usual_folder(const std::string& table) { return table + ".diagnoses"; }
 
-std::string fleet_command_line(const Arguments& a) {
+std::string fleet_command_line(const DiagnoseArguments& a) {
   std::string line = command_line(a);
   const std::string none = " --log";
   line.replace(line.find(none), none.size(), " --fleet " + shell_quoted(a.fleet));
@@ -80,7 +80,7 @@ std::string fleet_command_line(const Arguments& a) {
   return line;
 }
 
-int run_fleet(const Arguments& a, const DiagnoseJob& each) {
+int run_fleet(const DiagnoseArguments& a, const DiagnoseJob& each) {
   if (!a.patch.empty() || !a.next_trajectory.empty())
     throw Error("diagnose: --patch and --next-trajectory are of one robot, not of a --fleet");
   const MpiRanks ranks;
@@ -99,7 +99,7 @@ int run_fleet(const Arguments& a, const DiagnoseJob& each) {
   if (!a.reference.empty()) job.each.reference = a.input.read(a.reference, model.robot);
   job.read = [&](const std::string& path) { return a.input.read(path, model.robot); };
   job.folder = a.folder.empty() ? usual_folder(a.fleet) : a.folder;
-  Arguments what = a;  // where it is written to does not change it
+  DiagnoseArguments what = a;  // where it is written to does not change it
   what.report.clear();
   what.folder.clear();
   job.inputs = std::string(DYNID_VERSION) + " " + fleet_command_line(what) + "\n" + state_of(a.reference) +
@@ -121,7 +121,7 @@ int run_fleet(const Arguments& a, const DiagnoseJob& each) {
   return status;
 }
 
-int run(const Arguments& a) {
+int run_diagnose(const DiagnoseArguments& a) {
   DiagnoseJob job;
   job.options = a.options;
   job.withhold = a.withhold;
@@ -164,7 +164,7 @@ int run(const Arguments& a) {
 }  // namespace
 
 void add_diagnose(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<DiagnoseArguments>();
   CLI::App* command = app.add_subcommand(
       "diagnose", "Where a model and a robot disagree, which effect makes it, and how far it shrinks");
   a->model.add_to(*command, "--model");
@@ -220,7 +220,7 @@ void add_diagnose(CLI::App& app, int& status) {
   command->footer(
       "Example: dynid diagnose --model config/panda.yaml --log a.csv b.csv --patch patched.yaml "
       "--report report.html");
-  command->callback([a, &status] { status = run(*a); });
+  command->callback([a, &status] { status = run_diagnose(*a); });
 }
 
 }  // namespace dynid

@@ -11,7 +11,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct ExciteArguments {
   Output output;
   RobotOption robot;
   ExciteOptions options;
@@ -21,7 +21,7 @@ struct Arguments {
   std::string collision, compare, out, joint_trajectory;
 };
 
-void write_motion(const Arguments& a, const ExciteReport& report) {
+void write_motion(const ExciteArguments& a, const ExciteReport& report) {
   write_trajectory(a.out, report.motion);
   if (a.joint_trajectory.empty()) return;
   std::vector<std::string> names;
@@ -29,7 +29,7 @@ void write_motion(const Arguments& a, const ExciteReport& report) {
   write_file(a.joint_trajectory, to_joint_trajectory(report.motion, names));
 }
 
-int run(const Arguments& a) {
+int run_excite(const ExciteArguments& a) {
   ExciteJob job;
   job.options = a.options;
   job.options.regressor.friction = !a.no_friction;
@@ -62,7 +62,7 @@ int run(const Arguments& a) {
 }  // namespace
 
 void add_excite(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<ExciteArguments>();
   ExciteOptions& o = a->options;
   CLI::App* command = app.add_subcommand("excite", "A motion worth recording: optimised within every limit");
   a->robot.add_to(*command);
@@ -119,7 +119,7 @@ void add_excite(CLI::App& app, int& status) {
       ->capture_default_str();
   a->output.add_to(*command);
   command->footer("Example: dynid excite --robot config/panda.yaml --out trajectory.csv");
-  command->callback([a, &status] { status = run(*a); });
+  command->callback([a, &status] { status = run_excite(*a); });
 }
 
 }  // namespace dynid

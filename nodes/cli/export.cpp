@@ -12,14 +12,14 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct ExportArguments {
   Output output;
   RobotOption model;
   ExportFormat format = ExportFormat::urdf;
   std::string out, into;
 };
 
-void run(const Arguments& a) {
+void run_export(const ExportArguments& a) {
   a.output.check({a.out});
   if (!a.into.empty() && a.format != ExportFormat::urdf)
     throw Error("export: --into goes with --format urdf");
@@ -40,7 +40,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_export(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<ExportArguments>();
   CLI::App* command = app.add_subcommand("export", "Write a model for another program");
   a->model.add_to(*command, "--model");
   command
@@ -58,7 +58,7 @@ void add_export(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid export --model config/panda.yaml --format urdf --out panda.urdf");
   command->callback([a, &status] {
-    run(*a);
+    run_export(*a);
     status = 0;
   });
 }

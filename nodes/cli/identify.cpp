@@ -15,7 +15,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct IdentifyArguments {
   Output output;
   RobotOption robot;
   LogOption input;
@@ -28,7 +28,7 @@ struct Arguments {
 
 /// Model, JSON and summary of what was made.
 template <class Report>
-void write(const Arguments& a, const Report& report, const LearntUncertainty& learnt = {}) {
+void write(const IdentifyArguments& a, const Report& report, const LearntUncertainty& learnt = {}) {
   if (!a.out.empty()) write_model(a.out, report.model(), learnt.uncertainty);
   a.output.write(to_json(report));
   if (!a.output.summary()) return;
@@ -37,7 +37,7 @@ void write(const Arguments& a, const Report& report, const LearntUncertainty& le
   if (!a.out.empty()) std::cout << "Model written to " << a.out << "\n";
 }
 
-void identify_servo(const Arguments& a) {
+void identify_servo(const IdentifyArguments& a) {
   a.output.check({a.out});
   IdentifyServosJob job;
   if (!a.robot.path.empty()) job.robot = a.robot.read(a.output).robot;
@@ -46,7 +46,7 @@ void identify_servo(const Arguments& a) {
   write(a, run(job, progress.context()));
 }
 
-void run(const Arguments& a) {
+void run_identify(const IdentifyArguments& a) {
   if (a.servo) return identify_servo(a);
   if (a.robot.path.empty()) throw Error("--robot is required (it is optional with --servo only)");
   IdentifyJob job;
@@ -73,7 +73,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_identify(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<IdentifyArguments>();
   IdentifyOptions& o = a->options;
   CLI::App* command =
       app.add_subcommand("identify", "Dynamic coefficients and friction from recorded motions");
@@ -116,7 +116,7 @@ void add_identify(CLI::App& app, int& status) {
       "Example: dynid identify --robot config/panda.yaml --log exciting.csv --out identified.yaml\n"
       "         dynid identify --servo --log chirp.csv multisine.csv --out servos.yaml");
   command->callback([a, &status] {
-    run(*a);
+    run_identify(*a);
     status = 0;
   });
 }

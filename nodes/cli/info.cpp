@@ -10,14 +10,14 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct InfoArguments {
   Output output;
   RobotOption robot;
   std::string model;
   bool rotor_inertia = false;
 };
 
-void run(const Arguments& a) {
+void run_info(const InfoArguments& a) {
   if (a.robot.path.empty() == a.model.empty()) throw Error("info: one of --robot and --model is needed");
   a.output.check();
   RobotOption source = a.robot;
@@ -30,7 +30,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_info(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<InfoArguments>();
   CLI::App* command =
       app.add_subcommand("info", "Joints, limits, identifiable parameters and base parameters of a robot");
   a->robot.add_to(*command, "--robot", false);
@@ -41,7 +41,7 @@ void add_info(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid info --robot config/panda.yaml");
   command->callback([a, &status] {
-    run(*a);
+    run_info(*a);
     status = 0;
   });
 }

@@ -11,14 +11,14 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct InitArguments {
   Output output;
   InitJob job;
   std::string dh, out;
   std::vector<double> gravity;
 };
 
-void run(const Arguments& a) {
+void run_init(const InitArguments& a) {
   a.output.check({a.out});
   InitJob job = a.job;
   job.dh = read_table(a.dh);
@@ -36,7 +36,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_init(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<InitArguments>();
   CLI::App* command = app.add_subcommand(
       "init", "Write a model with comments, to go on from, for a Denavit-Hartenberg table");
   command
@@ -69,7 +69,7 @@ void add_init(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid init --dh table.csv --degrees --name arm --out arm.yaml");
   command->callback([a, &status] {
-    run(*a);
+    run_init(*a);
     status = 0;
   });
 }

@@ -9,14 +9,14 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct ReplayArguments {
   Output output;
   RobotOption model;
   LogOption input;
   std::string log, out;
 };
 
-void run(const Arguments& a) {
+void run_replay(const ReplayArguments& a) {
   a.output.check({a.out});
   if (is_bag(a.out)) throw Error(a.out + ": --out is a CSV file, not a bag");
   Output silent = a.output;  // whether its links are possible bodies is not the question here
@@ -41,7 +41,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_replay(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<ReplayArguments>();
   CLI::App* command =
       app.add_subcommand("replay", "The motion that a model with servos makes of a log's commands");
   a->model.add_to(*command, "--model");
@@ -54,7 +54,7 @@ void add_replay(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid replay --model servos.yaml --log step_response.csv --out motion.csv");
   command->callback([a, &status] {
-    run(*a);
+    run_replay(*a);
     status = 0;
   });
 }

@@ -14,7 +14,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct RetrieveArguments {
   Output output;
   RobotOption model;
   LogOption input;
@@ -25,7 +25,7 @@ struct Arguments {
   RetrievalOptions options;
 };
 
-int run(const Arguments& a) {
+int run_retrieve(const RetrieveArguments& a) {
   RetrieveJob job;
   job.cutoff = a.cutoff;
   job.weighted = a.weighted;
@@ -73,7 +73,7 @@ int run(const Arguments& a) {
 }  // namespace
 
 void add_retrieve(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<RetrieveArguments>();
   CLI::App* command = app.add_subcommand(
       "retrieve", "Feasible masses, centres of mass and inertias from coefficients or a log");
   a->model.add_to(*command, "--model", false);
@@ -101,7 +101,7 @@ void add_retrieve(CLI::App& app, int& status) {
   command->footer(
       "Ctrl-C ends the runs; the best set until then is written, and the JSON says `interrupted`.\n"
       "Example: dynid retrieve --model reversed.yaml --bounds config/panda_bounds.yaml --out feasible.yaml");
-  command->callback([a, &status] { status = run(*a); });
+  command->callback([a, &status] { status = run_retrieve(*a); });
 }
 
 }  // namespace dynid

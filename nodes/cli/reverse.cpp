@@ -10,14 +10,14 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct ReverseArguments {
   Output output;
   RobotOption robot;
   std::string samples, out;
   ReverseOptions options;
 };
 
-void run(const Arguments& a) {
+void run_reverse(const ReverseArguments& a) {
   ReverseJob job;
   job.options = a.options;
   check_options(job);
@@ -37,7 +37,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_reverse(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<ReverseArguments>();
   CLI::App* command = app.add_subcommand(
       "reverse", "Dynamic coefficients from numerical values of M(q) and g(q) of a controller");
   a->robot.add_to(*command);
@@ -51,7 +51,7 @@ void add_reverse(CLI::App& app, int& status) {
   command->footer(
       "Example: dynid reverse --robot config/panda.yaml --samples model_samples.csv --out reversed.yaml");
   command->callback([a, &status] {
-    run(*a);
+    run_reverse(*a);
     status = 0;
   });
 }

@@ -14,7 +14,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct SimulateArguments {
   Output output;
   RobotOption model;
   LogOption log;
@@ -34,7 +34,7 @@ void list_effects(const Output& output, bool servo) {
   if (output.summary()) print(std::cout, effects);
 }
 
-void check(const Arguments& a) {
+void check(const SimulateArguments& a) {
   if (a.model.path.empty()) throw Error("simulate: --model is required");
   if (a.out.empty()) throw Error("simulate: --out is required");
   if (a.excite == !a.trajectory.empty())
@@ -46,7 +46,7 @@ void check(const Arguments& a) {
 
 /// The log, its labels, JSON and summary.
 template <class Report>
-void write(const Arguments& a, const Robot& robot, const Report& report) {
+void write(const SimulateArguments& a, const Robot& robot, const Report& report) {
   a.log.write(a.out, report.run.log, robot);
   if (!a.labels.empty()) write_file(a.labels, labels_json(report).dump(2) + "\n");
   nlohmann::json result = to_json(report);
@@ -56,7 +56,7 @@ void write(const Arguments& a, const Robot& robot, const Report& report) {
 }
 
 /// `--servo`.
-void run_servos(const Arguments& a) {
+void run_servos(const SimulateArguments& a) {
   SimulateServosJob job;
   job.seed = a.seed;
   job.noise = a.noise;
@@ -75,7 +75,7 @@ void run_servos(const Arguments& a) {
   write(a, job.robot, report);
 }
 
-void run(const Arguments& a) {
+void run_simulate(const SimulateArguments& a) {
   if (a.list) return list_effects(a.output, a.servo);
   if (a.servo) return run_servos(a);
   SimulateJob job;
@@ -100,7 +100,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_simulate(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand("simulate", "A closed-loop run of a robot that has chosen effects");
   a->model.add_to(*command, "--model", false);
   a->model.allow_inconsistent = true;
@@ -143,7 +143,7 @@ void add_simulate(CLI::App& app, int& status) {
       "Example: dynid simulate --model config/panda.yaml --excite --effect payload:mass=2,com=0:0:0.1 "
       "--effect coulomb_friction:joints=2+4,coefficient=0.8:0.5 --out log.csv");
   command->callback([a, &status] {
-    run(*a);
+    run_simulate(*a);
     status = 0;
   });
 }

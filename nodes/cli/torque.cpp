@@ -10,7 +10,7 @@
 namespace dynid {
 namespace {
 
-struct Arguments {
+struct TorqueArguments {
   Output output;
   RobotOption model;
   LogOption input;
@@ -18,7 +18,7 @@ struct Arguments {
   double cutoff = 0.0;
 };
 
-void run(const Arguments& a) {
+void run_torque(const TorqueArguments& a) {
   TorqueJob job;
   job.cutoff = a.cutoff;
   check_options(job);
@@ -41,7 +41,7 @@ void run(const Arguments& a) {
 }  // namespace
 
 void add_torque(CLI::App& app, int& status) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<TorqueArguments>();
   CLI::App* command = app.add_subcommand("torque", "Torques that a model predicts along a recorded motion");
   a->model.add_to(*command, "--model");
   a->model.allow_inconsistent = true;
@@ -57,7 +57,7 @@ void add_torque(CLI::App& app, int& status) {
   a->output.add_to(*command);
   command->footer("Example: dynid torque --model identified.yaml --log exciting.csv --out torque.csv");
   command->callback([a, &status] {
-    run(*a);
+    run_torque(*a);
     status = 0;
   });
 }

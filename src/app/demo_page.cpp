@@ -117,11 +117,11 @@ json links_view(const RetrievalResult& result) {
 }
 
 /// Four significant digits.
-std::string figure(double x) { return short_number(x, 4); }
+std::string four_digits(double x) { return short_number(x, 4); }
 
 json row_view(const std::string& name, const Eigen::VectorXd& values) {
   json row = {{"name", name}, {"values", json::array()}};
-  for (const double x : values) row["values"].push_back(figure(x));
+  for (const double x : values) row["values"].push_back(four_digits(x));
   return row;
 }
 
@@ -131,9 +131,10 @@ json coefficients_view(const Identification& id, const Eigen::VectorXd& exact) {
     const Coefficient& c = id.coefficients[k];
     list.push_back(
         {{"name", c.name + (c.kept ? "" : " (dropped)")},
-         {"value", figure(c.value)},
-         {"deviation", figure(std::abs(c.value) * c.std_percent / 100.0)},
-         {"exact", static_cast<int>(k) < id.base.size() ? figure(exact[static_cast<Eigen::Index>(k)]) : ""},
+         {"value", four_digits(c.value)},
+         {"deviation", four_digits(std::abs(c.value) * c.std_percent / 100.0)},
+         {"exact",
+          static_cast<int>(k) < id.base.size() ? four_digits(exact[static_cast<Eigen::Index>(k)]) : ""},
          {"expression", c.expression}});
   }
   return list;
@@ -152,9 +153,9 @@ std::string DemoReport::html(const std::string& command, const std::string& vers
                {"patched", patch.has_value()},
                {"entered", patch && patch->robot.effects.empty()},
                {"rank", id.rank},
-               {"relative_error", figure(id.fit.relative_error_percent)},
-               {"condition_number", figure(id.condition_number)},
-               {"fit_cutoff", figure(id.cutoff)},
+               {"relative_error", four_digits(id.fit.relative_error_percent)},
+               {"condition_number", four_digits(id.condition_number)},
+               {"fit_cutoff", four_digits(id.cutoff)},
                {"identification_issues", json::array()},
                {"joint_numbers", json::array()},
                {"errors", json::array({row_view("fit", id.fit.rmse)})},

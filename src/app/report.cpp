@@ -72,10 +72,10 @@ std::vector<std::size_t> worst_joints(const json& json_of) {
 }
 
 /// Which log judges, and whether all of it does: of one log parts do.
-struct HeldOutLog {
+struct JudgedLog {
   int log = 0;
   bool whole = false;
-  explicit HeldOutLog(const Diagnosis& d) : whole(d.logs.size() > 1) {
+  explicit JudgedLog(const Diagnosis& d) : whole(d.logs.size() > 1) {
     const GapSeries& s = d.series;
     for (std::size_t i = 0; i < s.held_out.size(); ++i)
       if (s.held_out[i]) log = s.log[i];
@@ -116,7 +116,7 @@ json figures_view(const json& json_of, std::size_t worst) {
   return figures;
 }
 
-json residual_view(const Diagnosis& d, const json& json_of, const HeldOutLog& held, const PlotGroup& plots,
+json residual_view(const Diagnosis& d, const json& json_of, const JudgedLog& held, const PlotGroup& plots,
                    const std::vector<std::string>& files) {
   const auto log = static_cast<std::size_t>(held.log);
   json view = {{"rows", d.series.t.size() > 0},
@@ -205,7 +205,7 @@ void add_ranking_view(const json& json_of, json& view) {
   view["below"] = list_in_words(below);
 }
 
-json logs_view(const json& json_of, const HeldOutLog& held, const std::vector<std::string>& files) {
+json logs_view(const json& json_of, const JudgedLog& held, const std::vector<std::string>& files) {
   const json& data = json_of.at("data");
   const auto n = static_cast<Eigen::Index>(json_of.at("gap").at("rms").size());
   const std::string cutoff = page_number(json_of.at("cutoff_hz"));
@@ -271,7 +271,7 @@ json detail::report_view(const Diagnosis& diagnosis, const ReportContext& contex
   std::vector<std::string> files;
   for (const std::string& log : context.logs) files.push_back(file_name(log));
   const std::vector<std::size_t> worst = worst_joints(json_of);
-  const HeldOutLog held(diagnosis);
+  const JudgedLog held(diagnosis);
 
   json view = head_view(diagnosis, context, files);
   view["figures"] = figures_view(json_of, worst.empty() ? 0 : worst.front());

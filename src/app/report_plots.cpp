@@ -9,9 +9,9 @@
 namespace dynid::detail {
 namespace {
 
-constexpr Eigen::Index width = 800, replay_width = 400;  // [px]: of a plot on a wide screen, half of it
-constexpr double gap_in_time = 0.2;                      // [s]: a line is not drawn across
-constexpr double replay_shown = 6.0;                     // [s]
+constexpr Eigen::Index plot_width = 800, replay_width = 400;  // [px]: of a plot on a wide screen, half of it
+constexpr double gap_in_time = 0.2;                           // [s]: a line is not drawn across
+constexpr double replay_shown = 6.0;                          // [s]
 constexpr std::size_t most_plots = 4, most_replayed = 2;
 
 bool is_shown(const std::vector<std::size_t>& order, std::size_t joint, std::size_t most) {
@@ -44,7 +44,7 @@ PlotGroup gap_plots(const Diagnosis& d, const std::vector<std::size_t>& order, i
   if (rows.empty()) return {};
   Eigen::MatrixXd columns(static_cast<Eigen::Index>(rows.size()), 2 * n);
   columns << s.before(rows, Eigen::all), s.after(rows, Eigen::all);
-  PlotGroup group = thinned(s.t(rows), columns, fresh, width);
+  PlotGroup group = thinned(s.t(rows), columns, fresh, plot_width);
   group.id = "residual";
   if (!all_held) group.shaded = std::move(held);
   for (Eigen::Index j = 0; j < n; ++j) {

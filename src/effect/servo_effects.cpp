@@ -45,7 +45,7 @@ void complete_servo(const EffectSchema& schema, Effect& effect, int joints) {
     for (const int j : effect.joints) {
       const double x = values[static_cast<std::size_t>(j - 1)];
       if (x < p.least || x > p.most)
-        detail::refuse_effect(effect.name, p.key + ": " + detail::short_number(x) + " is not allowed");
+        detail::refuse_effect(effect.name, p.key + ": " + detail::number_text(x) + " is not allowed");
     }
   }
 }

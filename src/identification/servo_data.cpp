@@ -27,7 +27,7 @@ double median_interval(const Eigen::VectorXd& t) {
 
 double spread(const Eigen::Ref<const Eigen::VectorXd>& x) { return x.maxCoeff() - x.minCoeff(); }
 
-std::string number(double value) { return dynid::short_number(value, 3); }
+std::string three_digits(double value) { return dynid::short_number(value, 3); }
 
 /// A factor of 57.3, give or take what a servo that follows badly makes of it.
 bool is_degrees(double ratio) { return ratio > degrees / 2.0 && ratio < degrees * 2.0; }
@@ -69,17 +69,17 @@ void check_units(const std::vector<Log>& logs, const std::optional<Robot>& robot
     const std::string where = log.source + ": joint " + std::to_string(joint + 1) + ": ";
     const double u = spread(log.u.col(joint)), q = spread(log.q.col(joint));
     if (q > 0.0 && u > 0.0 && is_degrees(u / q) && log.u.col(joint).cwiseAbs().maxCoeff() > 2.0 * M_PI)
-      throw Error(where + "the commands u move " + number(u / q) +
+      throw Error(where + "the commands u move " + three_digits(u / q) +
                   " times as far as the positions q: they are in degrees, radians are expected");
     if (q > 0.0 && u > 0.0 && is_degrees(q / u) && log.q.col(joint).cwiseAbs().maxCoeff() > 2.0 * M_PI)
-      throw Error(where + "the positions q move " + number(q / u) +
+      throw Error(where + "the positions q move " + three_digits(q / u) +
                   " times as far as the commands u: they are in degrees, radians are expected");
     if (!robot || robot->joints[static_cast<std::size_t>(joint)].type != JointType::revolute) continue;
     const JointLimits& limits = robot->joints[static_cast<std::size_t>(joint)].limits;
     const double reach = std::max(std::abs(limits.lower), std::abs(limits.upper));
     const double most = log.q.col(joint).cwiseAbs().maxCoeff();
     if (std::isfinite(reach) && reach > 0.0 && most > 4.0 * reach && most <= degrees * reach * 1.1)
-      throw Error(where + "the positions reach " + number(most) + ", " + number(most / reach) +
+      throw Error(where + "the positions reach " + three_digits(most) + ", " + three_digits(most / reach) +
                   " times the joint's limit: they are in degrees, radians are expected");
   }
 }
@@ -117,8 +117,9 @@ void check_servo_logs(const std::vector<Log>& logs, const std::optional<Robot>& 
                         {},
                         longest,
                         "s",
-                        log.source + ": the longest interval is " + number(longest) + " s, the median " +
-                            number(interval) + " s: the last command is held across it"});
+                        log.source + ": the longest interval is " + three_digits(longest) +
+                            " s, the median " + three_digits(interval) +
+                            " s: the last command is held across it"});
     if (repeats > 0)
       issues.push_back({"repeated_rows",
                         {},

@@ -12,7 +12,7 @@ namespace dynid {
 
 namespace {
 
-void require(bool holds, const std::string& rule) {
+void require_shape(bool holds, const std::string& rule) {
   if (!holds) throw Error("link shape: " + rule);
 }
 
@@ -33,8 +33,8 @@ Inequality quadratic(int i, const Eigen::Matrix3d& Q, const Eigen::Vector3d& g, 
 }  // namespace
 
 Shape Shape::box(const Eigen::Isometry3d& pose, const Eigen::Vector3d& half) {
-  require(half.allFinite() && half.minCoeff() > 0.0 && pose.matrix().allFinite(),
-          "a box has a size that is not > 0");
+  require_shape(half.allFinite() && half.minCoeff() > 0.0 && pose.matrix().allFinite(),
+                "a box has a size that is not > 0");
   Shape shape;
   for (int a = 0; a < 3; ++a) {
     const Eigen::Vector3d axis = pose.linear().col(a);
@@ -52,8 +52,8 @@ Shape Shape::box(const Eigen::Vector3d& lower, const Eigen::Vector3d& upper) {
 }
 
 Shape Shape::sphere(const Eigen::Vector3d& centre, double radius) {
-  require(centre.allFinite() && std::isfinite(radius) && radius > 0.0,
-          "a sphere has a radius that is not > 0");
+  require_shape(centre.allFinite() && std::isfinite(radius) && radius > 0.0,
+                "a sphere has a radius that is not > 0");
   Shape shape;
   shape.rounds_.push_back({centre, Eigen::Vector3d::Zero(), radius, 0.0});
   return shape;
@@ -66,10 +66,10 @@ Shape Shape::cylinder(const Eigen::Vector3d& from, const Eigen::Vector3d& to, do
 Shape Shape::truncated_cone(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_from,
                             double radius_to) {
   const double length = (to - from).norm();
-  require(std::isfinite(length) && length > 0.0, "a cylinder or cone has no length");
-  require(std::isfinite(radius_from) && std::isfinite(radius_to) && radius_from >= 0.0 && radius_to >= 0.0 &&
-              radius_from + radius_to > 0.0,
-          "a cylinder or cone has a radius that is not > 0");
+  require_shape(std::isfinite(length) && length > 0.0, "a cylinder or cone has no length");
+  require_shape(std::isfinite(radius_from) && std::isfinite(radius_to) && radius_from >= 0.0 &&
+                    radius_to >= 0.0 && radius_from + radius_to > 0.0,
+                "a cylinder or cone has a radius that is not > 0");
   const Eigen::Vector3d axis = (to - from) / length;
   Shape shape;
   shape.planes_.push_back({axis, axis.dot(to)});
@@ -106,7 +106,7 @@ double Shape::clearance(const Eigen::Vector3d& c) const {
 }
 
 Constraint Shape::contains_com(const std::string& name, int link) const {
-  require(link >= 1, "links are numbered from 1");
+  require_shape(link >= 1, "links are numbered from 1");
   const int i = link - 1;
   Alternative inside;
   for (const Plane& plane : planes_)

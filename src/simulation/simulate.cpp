@@ -15,7 +15,7 @@
 namespace dynid {
 namespace {
 
-constexpr double lost =
+constexpr double lost_robot =
     0.5;  // of the joint's travel, away from the motion: the controller has lost the robot
 
 /// Stamps that come late and rows that repeat, as over a network.

@@ -28,11 +28,12 @@ inline EffectParameter of_all(std::string key, std::string unit, std::string tex
   return p;
 }
 
-constexpr double tiny = 1e-9;  // least of what is divided by
+constexpr double least_divisor = 1e-9;  // least of what is divided by
 
 /// The smoothing of sign(dq) that every dry friction has.
 inline EffectParameter sign_scale() {
-  return per_joint("velocity_scale", "rad/s", "v_s: sign(dq) is tanh(dq / v_s)", 0.005).at_least(tiny);
+  return per_joint("velocity_scale", "rad/s", "v_s: sign(dq) is tanh(dq / v_s)", 0.005)
+      .at_least(least_divisor);
 }
 
 inline Joint& joint_of(Robot& robot, int number) {
@@ -189,7 +190,7 @@ inline EffectSchema stribeck_friction() {
   s.name = "stribeck_friction";
   s.text = "Fs exp(-|dq / v|^delta) sign(dq): what breaking away takes beyond Coulomb friction";
   s.parameters = {per_joint("static", "N m", "Fs", 1.0),
-                  per_joint("stribeck_velocity", "rad/s", "v", 0.2).at_least(tiny),
+                  per_joint("stribeck_velocity", "rad/s", "v", 0.2).at_least(least_divisor),
                   per_joint("exponent", "1", "delta", 2.0).between(0.5, 4.0).or_else(2.0), sign_scale()};
   s.compile = [](LoopTerms& terms, const Effect& effect) { compile_dry(terms, effect, "static", "static"); };
   return s;
@@ -217,7 +218,9 @@ inline EffectSchema presliding_hysteresis() {
   s.forms = {"stiffness", "slip"};
   s.parameters = {
       per_joint("coulomb", "N m", "Fc, reached when it slips", 1.5),
-      per_joint("stiffness", "N m/rad", "sigma0, of the bristle", 50.0).at_least(tiny).of("stiffness"),
+      per_joint("stiffness", "N m/rad", "sigma0, of the bristle", 50.0)
+          .at_least(least_divisor)
+          .of("stiffness"),
       per_joint("damping", "N m s/rad", "sigma1, of the bristle", 0.3)
           .at_least(0.0)
           .or_else(0.0)
@@ -236,7 +239,7 @@ inline EffectSchema thermal_friction_drift() {
   s.forms = {"time_constant", "motion_constant"};
   s.parameters = {
       per_joint("coefficient", "N m s/rad", "Fv, when cold", 2.0),
-      per_joint("time_constant", "s", "T", 8.0).at_least(tiny).of("time_constant"),
+      per_joint("time_constant", "s", "T", 8.0).at_least(least_divisor).of("time_constant"),
       per_joint("reference_speed", "rad/s",
                 "v: speed that keeps it warm; 0: it warms by the clock, exp(-t / T)", 0.5)
           .at_least(0.0)
@@ -361,9 +364,11 @@ inline EffectParameter spring_stiffness(double initial) {
   return per_joint("stiffness", "N m/rad", "of the spring", initial);
 }
 inline EffectParameter motor_inertia() {
-  return per_joint("motor_inertia", "kg m^2", "of the motor, at the joint", 0.3).at_least(tiny).or_else(0.3);
+  return per_joint("motor_inertia", "kg m^2", "of the motor, at the joint", 0.3)
+      .at_least(least_divisor)
+      .or_else(0.3);
 }
-inline EffectParameter damping_ratio() {
+inline EffectParameter spring_damping_ratio() {
   return of_all("damping_ratio", "1", "of the motor on the spring", {0.1}).between(0.0, 1.0).or_else(0.1);
 }
 
@@ -373,7 +378,7 @@ inline EffectSchema joint_elasticity() {
   s.text = "a motor mass behind a spring K: tau = K (theta - q), theta the position measured";
   s.forms = {"", "damping"};
   s.parameters = {
-      spring_stiffness(5000.0), motor_inertia(), damping_ratio(),
+      spring_stiffness(5000.0), motor_inertia(), spring_damping_ratio(),
       per_joint("damping", "1",
                 "damping ratio of the link on the spring, its motor held; a plant has damping_ratio", 0.0)
           .at_least(0.0)
@@ -392,13 +397,13 @@ inline EffectSchema backlash() {
       per_joint("gap", "rad", "of the dead zone, from end to end", 0.01).at_least(0.0).of("gap"),
       spring_stiffness(20000.0).of("gap"),
       motor_inertia().of("gap"),
-      damping_ratio().of("gap"),
+      spring_damping_ratio().of("gap"),
       per_joint("dead_zone", "N m",
                 "torque that is lost on the way: such a joint has this instead of gap and spring", 0.0)
 
           .of("dead_zone"),
       per_joint("contact_torque", "N m", "over which the loss comes as the torque changes sign", 0.1)
-          .at_least(tiny)
+          .at_least(least_divisor)
           .or_else(0.1)
           .of("dead_zone")};
   s.not_in_loop = "the flank that carries, a hidden state";
@@ -412,9 +417,10 @@ inline EffectSchema gear_coupling() {
   s.name = "gear_coupling";
   s.text = "friction and inertia on w = dq_a + r dq_b, passed on to a and, times r, to b";
   s.scope = EffectScope::pair;
-  s.parameters = {of_all("viscous", "N m s/rad", "on w", {0.5}), of_all("coulomb", "N m", "on w", {0.5}),
-                  of_all("inertia", "kg m^2", "on dw/dt", {0.05}), of_all("ratio", "1", "r", {1.0}),
-                  of_all("velocity_scale", "rad/s", "v_s: sign(w) is tanh(w / v_s)", {0.005}).at_least(tiny)};
+  s.parameters = {
+      of_all("viscous", "N m s/rad", "on w", {0.5}), of_all("coulomb", "N m", "on w", {0.5}),
+      of_all("inertia", "kg m^2", "on dw/dt", {0.05}), of_all("ratio", "1", "r", {1.0}),
+      of_all("velocity_scale", "rad/s", "v_s: sign(w) is tanh(w / v_s)", {0.005}).at_least(least_divisor)};
   s.compile = [](LoopTerms& terms, const Effect& effect) {
     terms.shafts.push_back({effect.joints[0] - 1, effect.joints[1] - 1, first_number(effect, "ratio"),
                             first_number(effect, "viscous"), first_number(effect, "coulomb"),
@@ -428,12 +434,13 @@ inline EffectSchema external_contact() {
   s.name = "external_contact";
   s.text = "-J^T F, F the force of the surroundings on the robot, from start for duration";
   s.scope = EffectScope::window;
-  s.parameters = {of_all("link", "1", "link touched, from 1 (0: the last)", {0.0}).at_least(0.0).or_else(0.0),
-                  of_all("point", "m", "where, in the link frame", {0.0, 0.0, 0.0}),
-                  of_all("force", "N", "F, in the axes of the base frame", {15.0, 0.0, -15.0}),
-                  of_all("start", "s", "", {5.0}),
-                  of_all("duration", "s", "", {1.5}).at_least(0.0),
-                  of_all("rise_time", "s", "in which the force comes, and goes", {0.02}).at_least(tiny)};
+  s.parameters = {
+      of_all("link", "1", "link touched, from 1 (0: the last)", {0.0}).at_least(0.0).or_else(0.0),
+      of_all("point", "m", "where, in the link frame", {0.0, 0.0, 0.0}),
+      of_all("force", "N", "F, in the axes of the base frame", {15.0, 0.0, -15.0}),
+      of_all("start", "s", "", {5.0}),
+      of_all("duration", "s", "", {1.5}).at_least(0.0),
+      of_all("rise_time", "s", "in which the force comes, and goes", {0.02}).at_least(least_divisor)};
   s.not_in_loop = "a time of one log: what surroundings do is for the residual to find";
   return s;
 }

@@ -18,7 +18,7 @@ namespace detail {
   throw Error("effect '" + name + "': " + what);
 }
 
-inline std::string short_number(double x) {
+inline std::string number_text(double x) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", x);
   return text;
@@ -86,7 +86,7 @@ inline Effect complete(const Effect& given, const Robot& robot, Missing missing)
   const bool names_link = link != given.parameters.end() && !link->second.empty() && link->second[0] != 0.0;
   if (names_link && (link->second[0] != std::floor(link->second[0]) || link->second[0] < 1.0 ||
                      link->second[0] > double(n)))
-    refuse_effect(schema.name, "link: " + short_number(link->second[0]) +
+    refuse_effect(schema.name, "link: " + number_text(link->second[0]) +
                                    " is not a link of the robot (1 to " + std::to_string(n) + ")");
   if (missing == Missing::absent && given.joints.empty() &&
       (schema.scope == EffectScope::joints || schema.scope == EffectScope::pair ||
@@ -123,7 +123,7 @@ inline Effect complete(const Effect& given, const Robot& robot, Missing missing)
       own = values;
     }
     for (const double x : values)
-      if (!std::isfinite(x)) refuse_effect(schema.name, key + ": " + short_number(x) + " is not finite");
+      if (!std::isfinite(x)) refuse_effect(schema.name, key + ": " + number_text(x) + " is not finite");
   }
   if (!forms_by_joint(schema)) {
     std::string first;
@@ -164,8 +164,8 @@ inline Effect complete(const Effect& given, const Robot& robot, Missing missing)
     for (std::size_t k = 0; k < values.size(); ++k) {
       if (p.per_joint ? !used[k] : !any) continue;
       if (!(values[k] >= p.least && values[k] <= p.most))
-        refuse_effect(schema.name, p.key + ": " + short_number(values[k]) + " is not between " +
-                                       short_number(p.least) + " and " + short_number(p.most) +
+        refuse_effect(schema.name, p.key + ": " + number_text(values[k]) + " is not between " +
+                                       number_text(p.least) + " and " + number_text(p.most) +
                                        (p.unit == "1" ? "" : " " + p.unit) +
                                        (p.per_joint ? " (joint " + std::to_string(k + 1) + ")" : ""));
     }
