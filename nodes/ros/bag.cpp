@@ -214,12 +214,18 @@ class Scan {
   bool chunk(std::string_view compression, std::string_view data, std::uint32_t size) {
     const bool bz2 = compression == rosbag::COMPRESSION_BZ2;
     if (!bz2 && compression != rosbag::COMPRESSION_LZ4) return false;
-    constexpr std::uint32_t most = 1u << 30;  // bytes; a damaged length can be anything
-    if (data.empty() || size > most) return false;
+    // A damaged length can be anything: no more bytes than there can be, and no chunk within a chunk.
+    constexpr std::uint32_t most = 1u << 30;
+    const double ratio = bz2 ? 1048576.0 : 256.0;  // of zeros
+    if (within_chunk_ || data.empty() || size > std::min(double(most), ratio * double(data.size())))
+      return false;
     std::vector<std::uint8_t> in(data.begin(), data.end()), out(size);
     rosbag::ChunkedFile().decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, out.data(),
                                      size, in.data(), static_cast<unsigned>(in.size()));
-    return records({reinterpret_cast<const char*>(out.data()), out.size()});
+    within_chunk_ = true;
+    const bool whole = records({reinterpret_cast<const char*>(out.data()), out.size()});
+    within_chunk_ = false;
+    return whole;
   }
 
   bool connection(Fields& fields, std::string_view data) {
@@ -242,6 +248,7 @@ class Scan {
   std::map<std::uint32_t, Ours> ours_;   // connections
   std::uint64_t index_ = 0;              // where it begins; 0 until the bag is closed
   long chunks_ = 0, chunks_listed_ = 0;  // met, and in the index
+  bool within_chunk_ = false;            // that was compressed
   std::vector<std::uint8_t> buffer_;
 };
 
