@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
@@ -139,8 +140,24 @@ class Model {
  private:
   // The rotation that takes z to `axis` by the shortest way: the identity when they coincide.
   static Eigen::Matrix3d upright(const Eigen::Vector3d& axis) {
-    if (axis == Eigen::Vector3d::UnitZ()) return Eigen::Matrix3d::Identity();
-    return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
+    const Eigen::Vector3d z = Eigen::Vector3d::UnitZ(), to = axis.normalized();
+    if (axis == z) return Eigen::Matrix3d::Identity();
+    // As Eigen's FromTwoVectors(), whose singular value decomposition takes a compiler seconds.
+    const double c = to.dot(z);
+    Eigen::Quaterniond q;
+    if (c < -1.0 + 1e-12) {  // half a turn, about any axis across
+      const Eigen::Vector3d across = z.cross(to);
+      const double w2 = 0.5 * (1.0 + std::max(c, -1.0));
+      q.w() = std::sqrt(w2);
+      q.vec() =
+          (across.norm() > 0.0 ? Eigen::Vector3d(across.normalized()) : Eigen::Vector3d(-1.0, 0.0, 0.0)) *
+          std::sqrt(1.0 - w2);
+    } else {
+      const double s = std::sqrt(2.0 * (1.0 + c));
+      q.w() = 0.5 * s;
+      q.vec() = z.cross(to) * (1.0 / s);
+    }
+    return q.toRotationMatrix();
   }
 
   void compile(const Robot& robot) {
