@@ -9,7 +9,7 @@
 namespace dynid {
 namespace {
 
-Robot panda() { return read_model(std::string(DYNID_SOURCE_DIR) + "/config/panda.yaml").robot; }
+Robot published_panda() { return read_model(std::string(DYNID_SOURCE_DIR) + "/config/panda.yaml").robot; }
 
 std::vector<std::string> names(const Robot& robot) {
   std::vector<std::string> out;
@@ -18,42 +18,42 @@ std::vector<std::string> names(const Robot& robot) {
 }
 using Names = std::vector<std::string>;
 
-TEST(ModelWarnings, AGoodModelHasNone) { EXPECT_EQ(names(panda()), Names{}); }
+TEST(ModelWarnings, AGoodModelHasNone) { EXPECT_EQ(names(published_panda()), Names{}); }
 
 TEST(ModelWarnings, EachMistakeIsNamedAlone) {
-  Robot robot = panda();
+  Robot robot = published_panda();
   robot.joints[3].parameters.setZero();
   EXPECT_EQ(names(robot), Names{"missing_inertial"});
   EXPECT_EQ(check_model(robot)[0].joints, std::vector<int>{4});
   EXPECT_NE(check_model(robot)[0].text.find("panda_link4"), std::string::npos);
 
-  robot = panda();
+  robot = published_panda();
   for (Joint& joint : robot.joints) {
     joint.parameters *= 1000.0;
     joint.limits.torque *= 1000.0;
   }
   EXPECT_EQ(names(robot), Names{"mass_unit"});
 
-  robot = panda();
+  robot = published_panda();
   robot.joints[1].limits.torque = 0.087;
   EXPECT_EQ(names(robot), Names{"torque_limit"});
   EXPECT_EQ(check_model(robot)[0].joints, std::vector<int>{2});
 
-  robot = panda();
+  robot = published_panda();
   for (Joint& joint : robot.joints) joint.friction.linear.viscous = 10.0;
   EXPECT_EQ(names(robot), Names{"placeholder_damping"});
   for (Joint& joint : robot.joints)
     joint.friction.linear.viscous = 0.31416;  // as one that was fitted might be
   EXPECT_EQ(names(robot), Names{});
 
-  robot = panda();
+  robot = published_panda();
   for (Joint& joint : robot.joints) joint.parameters = robot.joints[0].parameters;
   EXPECT_EQ(names(robot), Names{"placeholder_inertial"});
 }
 
 TEST(ModelWarnings, TheSizeOfAnArmDoesNotMatter) {
   for (const double scale : {0.2, 1.0, 5.0}) {
-    Robot robot = panda();
+    Robot robot = published_panda();
     for (Joint& joint : robot.joints) {
       joint.dh.reset();
       joint.origin.translation() *= scale;
@@ -72,7 +72,7 @@ TEST(ModelWarnings, TheSizeOfAnArmDoesNotMatter) {
 
 // ------------------------------------------------------------------------------------------------- URDF
 
-std::string arm(const std::string& side, int joints, const std::string& from) {
+std::string arm_of(const std::string& side, int joints, const std::string& from) {
   std::string text, parent = from;
   for (int j = 1; j <= joints; ++j) {
     const std::string link = side + "_link" + std::to_string(j);
@@ -85,11 +85,11 @@ std::string arm(const std::string& side, int joints, const std::string& from) {
 }
 
 TEST(UrdfOfOthers, BranchesAreProposedByTheTipOfEachArm) {
-  std::string text =
-      "<robot name=\"two arms\"><link name=\"torso\"/>" + arm("left", 7, "torso") + arm("right", 6, "torso");
+  std::string text = "<robot name=\"two arms\"><link name=\"torso\"/>" + arm_of("left", 7, "torso") +
+                     arm_of("right", 6, "torso");
   for (const std::string side : {"left", "right"})
     for (const std::string finger : {"a", "b"})
-      text += arm(side + "_finger_" + finger, 1, side + (side == "left" ? "_link7" : "_link6"));
+      text += arm_of(side + "_finger_" + finger, 1, side + (side == "left" ? "_link7" : "_link6"));
   text += "</robot>";
   const std::string error = test::error_of([&] { parse_urdf(text, "x.urdf"); });
   EXPECT_NE(error.find("moving joints branch at link 'torso'"), std::string::npos) << error;

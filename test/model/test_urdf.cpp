@@ -203,7 +203,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, UrdfLaws, ::testing::Range(1U, 101U));
 
 // ------------------------------------------------------------------------------------------ by hand
 
-const char* const arm = R"(<?xml version="1.0"?>
+const char* const arm_urdf = R"(<?xml version="1.0"?>
 <!-- an arm -->
 <robot name="arm">
   <link name="world"/>
@@ -238,7 +238,7 @@ const char* const arm = R"(<?xml version="1.0"?>
 )";
 
 TEST(Urdf, ReadsFramesLimitsAndFriction) {
-  const Robot robot = parse_urdf(arm, "arm");
+  const Robot robot = parse_urdf(arm_urdf, "arm");
   EXPECT_EQ(robot.name, "arm");
   EXPECT_EQ(robot.base_link, "world");
   EXPECT_EQ(robot.tip_link, "flange");
@@ -261,7 +261,7 @@ TEST(Urdf, ReadsFramesLimitsAndFriction) {
   EXPECT_EQ(elbow.limits.lower, -infinity);
   EXPECT_EQ(elbow.limits.torque, infinity);  // zero stands for a limit that nobody filled in
   EXPECT_TRUE(elbow.parameters.isZero(0.0));
-  EXPECT_EQ(parse_urdf(arm, "arm", "base", "lower").joints[0].origin.translation(),
+  EXPECT_EQ(parse_urdf(arm_urdf, "arm", "base", "lower").joints[0].origin.translation(),
             Eigen::Vector3d(0, 0, 0.3));
 }
 
@@ -273,7 +273,9 @@ std::string joint_text(const std::string& name, const std::string& type, const s
 }
 
 TEST(Urdf, TheTipIsFoundWhereThereIsOneWayOn) {
-  const auto with = [](const std::string& more) { return replaced(arm, "</robot>", more + "\n</robot>"); };
+  const auto with = [](const std::string& more) {
+    return replaced(arm_urdf, "</robot>", more + "\n</robot>");
+  };
   const std::string sensor = "<link name=\"sensor\"/>" + joint_text("s", "fixed", "upper", "sensor");
   EXPECT_EQ(parse_urdf(with(sensor), "arm").tip_link, "flange");
   const std::string tool = "<link name=\"tool\"/>" + joint_text("t", "fixed", "lower", "tool");
@@ -314,7 +316,7 @@ TEST(Urdf, BadFilesAreNamed) {
        "f: robot 'arm': joint 1 ('shoulder'): velocity limit -2 is not positive"},
   };
   for (const BadFile& bad : cases) {
-    const std::string text = replaced(arm, bad.from, bad.to);
+    const std::string text = replaced(arm_urdf, bad.from, bad.to);
     EXPECT_EQ(error_of([&] { parse_urdf(text, "f"); }), bad.message)
         << "'" << bad.from << "' -> '" << bad.to << "'";
   }
@@ -330,7 +332,7 @@ TEST(Urdf, WhatUrdfdomRefusesIsOneLineOfOurs) {
       {"<limit lower=\"-1\" upper=\"1\" effort=\"10\" velocity=\"2\"/>", "", "shoulder"},
   };
   for (const BadFile& bad : cases) {
-    const std::string text = replaced(arm, bad.from, bad.to);
+    const std::string text = replaced(arm_urdf, bad.from, bad.to);
     testing::internal::CaptureStderr();
     const std::string error = error_of([&] { parse_urdf(text, "f"); });
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // urdfdom says nothing by itself
@@ -340,18 +342,18 @@ TEST(Urdf, WhatUrdfdomRefusesIsOneLineOfOurs) {
   }
   EXPECT_EQ(error_of([] { parse_urdf("", "f"); }), "f:1: malformed XML: no element found");
   EXPECT_NE(error_of([] { parse_urdf("<sdf/>", "f"); }), "");
-  const std::string odd = replaced(arm, "<box size=\"1 1 1\"/>", "<capsule radius=\"big\"/>");
+  const std::string odd = replaced(arm_urdf, "<box size=\"1 1 1\"/>", "<capsule radius=\"big\"/>");
   EXPECT_EQ(error_of([&] { parse_urdf(odd, "f"); }), "");  // what a robot looks like is not asked for
 }
 
 TEST(Urdf, UnknownEndsListTheLeaves) {
-  EXPECT_EQ(error_of([] { parse_urdf(arm, "f", "", "hand"); }),
+  EXPECT_EQ(error_of([] { parse_urdf(arm_urdf, "f", "", "hand"); }),
             "f: unknown tip link 'hand' (leaves: 'flange')");
-  EXPECT_EQ(error_of([] { parse_urdf(arm, "f", "pedestal"); }),
+  EXPECT_EQ(error_of([] { parse_urdf(arm_urdf, "f", "pedestal"); }),
             "f: unknown base link 'pedestal' (leaves: 'flange')");
-  EXPECT_EQ(error_of([] { parse_urdf(arm, "f", "lower", "upper"); }),
+  EXPECT_EQ(error_of([] { parse_urdf(arm_urdf, "f", "lower", "upper"); }),
             "f: tip link 'upper' does not hang from base link 'lower' (leaves: 'flange')");
-  EXPECT_EQ(error_of([] { parse_urdf(arm, "f", "lower", "flange"); }),
+  EXPECT_EQ(error_of([] { parse_urdf(arm_urdf, "f", "lower", "flange"); }),
             "f: no moving joint between base 'lower' and tip 'flange'");
   EXPECT_EQ(error_of([] { read_urdf("no/such/file"); }),
             "no/such/file: cannot read: No such file or directory");
@@ -409,7 +411,7 @@ TEST(Urdf, NamesAreEscapedAndMustDiffer) {
 // ------------------------------------------------------------------------------------------ updating
 
 TEST(Urdf, UpdatingChangesNothingElse) {
-  Robot robot = parse_urdf(arm, "arm");
+  Robot robot = parse_urdf(arm_urdf, "arm");
   LinkInertia upper, lower;
   upper.mass = 4;
   upper.com = Eigen::Vector3d(0, 0, 0.5);
@@ -420,9 +422,9 @@ TEST(Urdf, UpdatingChangesNothingElse) {
   robot.joints[1].parameters = to_standard(lower);
   robot.joints[0].friction.linear = {1.5, 1.25, 0};
   robot.joints[1].friction.linear.viscous = 0.125;
-  const UrdfText updated = update_urdf(arm, "arm", robot);
+  const UrdfText updated = update_urdf(arm_urdf, "arm", robot);
   EXPECT_TRUE(updated.not_expressed.empty());
-  std::string expected = arm;
+  std::string expected = arm_urdf;
   expected = replaced(expected, R"(<origin xyz="0 0 0.1" rpy="0 0 0"/>
       <mass   value="2"/>
       <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>)",
@@ -446,21 +448,22 @@ TEST(Urdf, UpdatingChangesNothingElse) {
 }
 
 TEST(Urdf, UpdatingRefusesAnotherRobot) {
-  const Robot robot = parse_urdf(arm, "arm");
+  const Robot robot = parse_urdf(arm_urdf, "arm");
   Robot other = robot;
   other.joints[1].name = "knee";
-  EXPECT_EQ(error_of([&] { update_urdf(arm, "f", other); }), "f: joint 2 ('knee'): is 'elbow' in the URDF");
+  EXPECT_EQ(error_of([&] { update_urdf(arm_urdf, "f", other); }),
+            "f: joint 2 ('knee'): is 'elbow' in the URDF");
   other = robot;
   other.joints[1].type = JointType::prismatic;
-  EXPECT_EQ(error_of([&] { update_urdf(arm, "f", other); }),
+  EXPECT_EQ(error_of([&] { update_urdf(arm_urdf, "f", other); }),
             "f: joint 2 ('elbow'): is of another type in the URDF");
   other = robot;
   other.joints[1].origin.translation()[0] += 0.01;
-  EXPECT_EQ(error_of([&] { update_urdf(arm, "f", other); }),
+  EXPECT_EQ(error_of([&] { update_urdf(arm_urdf, "f", other); }),
             "f: joint 2 ('elbow'): its frame or its axis is not the URDF's");
   other = robot;
   other.joints.pop_back();
-  EXPECT_EQ(error_of([&] { update_urdf(arm, "f", other); }),
+  EXPECT_EQ(error_of([&] { update_urdf(arm_urdf, "f", other); }),
             "f: has 2 moving joints between 'world' and 'flange', robot 'arm' has 1");
 }
 

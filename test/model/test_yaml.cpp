@@ -199,14 +199,14 @@ TEST(Yaml, SaysWhetherTheModelIsPhysicallyConsistent) {
   EXPECT_FALSE(fine["inconsistencies"]);
 }
 
-struct BadFile {
+struct BadModel {
   const char* from;
   const char* to;
   const char* message;
 };
 
 TEST(Yaml, BadFilesAreNamedByLineAndKey) {
-  const BadFile cases[] = {
+  const BadModel cases[] = {
       {"dynid-model-1", "dynid-model-2", "f:1: format: expected dynid-model-1, found 'dynid-model-2'"},
       {"format: dynid-model-1\n", "", "f:1: format: missing"},
       {"gravity: [0, 0, -9.81]\n", "", "f:1: gravity: missing"},
@@ -267,7 +267,7 @@ TEST(Yaml, BadFilesAreNamedByLineAndKey) {
       {"name: two", "? [a]\n: two", "f:2: a key is not a word"},
       {"coefficients:", "---\nformat:", "f:1: holds more than one document"},
   };
-  for (const BadFile& bad : cases) {
+  for (const BadModel& bad : cases) {
     const std::string text = replaced(good, bad.from, bad.to);
     EXPECT_EQ(error_of([&] { parse_model(text, "f"); }), bad.message)
         << "'" << bad.from << "' -> '" << bad.to << "'";

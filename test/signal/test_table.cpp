@@ -15,13 +15,13 @@
 namespace dynid {
 namespace {
 
-class File {
+class TableFile {
  public:
-  explicit File(const std::string& text)
+  explicit TableFile(const std::string& text)
       : path_(::testing::TempDir() + "dynid_table_" + std::to_string(::getpid()) + ".csv") {
     std::ofstream(path_, std::ios::binary) << text;
   }
-  ~File() { std::filesystem::remove(path_); }
+  ~TableFile() { std::filesystem::remove(path_); }
   const std::string& path() const { return path_; }
 
  private:
@@ -38,12 +38,12 @@ std::string error_of(const std::function<void()>& call) {
 }
 
 std::string table_error(const std::string& text) {
-  const File file(text);
+  const TableFile file(text);
   return error_of([&] { read_table(file.path()); });
 }
 
 std::string log_error(const std::string& text, int joints = 0) {
-  const File file(text);
+  const TableFile file(text);
   return error_of([&] { read_log(file.path(), joints); });
 }
 
@@ -68,7 +68,7 @@ TEST(Table, WhatIsWrittenReadsBackBitForBit) {
 }
 
 TEST(Table, CommentsBlankLinesSpacesAndCarriageReturnsAreNotData) {
-  const File file("# a comment, with, commas\r\nb , a\r\n\r\n 1 , +2.5e0\r\n#1,2\r\n3,4\r\n");
+  const TableFile file("# a comment, with, commas\r\nb , a\r\n\r\n 1 , +2.5e0\r\n#1,2\r\n3,4\r\n");
   const Table table = read_table(file.path());
   EXPECT_EQ(table.names, (std::vector<std::string>{"b", "a"}));
   ASSERT_EQ(table.values.rows(), 2);
@@ -95,7 +95,7 @@ TEST(Table, BadFilesAreNamedByLineAndColumn) {
 }
 
 TEST(Log, ColumnsInAnyOrderOthersIgnored) {
-  const File file("tau1,extra,q1,t,dq1\n5,9,1,0,2\n6,9,2,0.1,3\n");
+  const TableFile file("tau1,extra,q1,t,dq1\n5,9,1,0,2\n6,9,2,0.1,3\n");
   const Log log = read_log(file.path(), 1);
   EXPECT_EQ(log.t[1], 0.1);
   EXPECT_EQ(log.q(1, 0), 2.0);
