@@ -118,7 +118,7 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
         run.model_error.row(i) -= other;
       }
       Eigen::Index worst = 0;
-      if (!((plant.seen_q() - q_d).cwiseQuotient(travel).cwiseAbs().maxCoeff(&worst) < lost))
+      if (!((plant.seen_q() - q_d).cwiseQuotient(travel).cwiseAbs().maxCoeff(&worst) < lost_robot))
         throw Error("simulate: joint " + std::to_string(worst + 1) + " left its motion at " +
                     std::to_string(run.t[i]) + " s");
     }
