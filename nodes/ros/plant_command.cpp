@@ -15,7 +15,7 @@ using Eigen::Index;
 using Point = trajectory_msgs::JointTrajectoryPoint;
 using Values = std::vector<double>;
 
-constexpr double rest = 0.05;  // [rad/s] that a controller takes in its stride
+constexpr double standing = 0.05;  // [rad/s] that a controller takes in its stride
 
 std::string number(double x) { return short_number(x, 4); }
 std::string quoted(const std::string& name) { return "joint '" + name + "'"; }
@@ -131,8 +131,8 @@ Trajectory motion_from(const trajectory_msgs::JointTrajectory& command, const Ro
     if (!(std::abs(motion.q(0, j) - held[j]) <= tolerance))
       throw Error(quoted(name) + ": the motion starts at " + number(motion.q(0, j)) + ", the arm is at " +
                   number(held[j]));
-    if (std::abs(motion.dq(0, j)) > rest) throw Error(quoted(name) + ": the motion does not start at rest");
-    if (std::abs(motion.dq(rows - 1, j)) > rest)
+    if (std::abs(motion.dq(0, j)) > standing) throw Error(quoted(name) + ": the motion does not start at rest");
+    if (std::abs(motion.dq(rows - 1, j)) > standing)
       throw Error(quoted(name) + ": the motion does not end at rest");
   }
   check_limits(motion, robot);
