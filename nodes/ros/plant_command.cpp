@@ -131,7 +131,8 @@ Trajectory motion_from(const trajectory_msgs::JointTrajectory& command, const Ro
     if (!(std::abs(motion.q(0, j) - held[j]) <= tolerance))
       throw Error(quoted(name) + ": the motion starts at " + number(motion.q(0, j)) + ", the arm is at " +
                   number(held[j]));
-    if (std::abs(motion.dq(0, j)) > standing) throw Error(quoted(name) + ": the motion does not start at rest");
+    if (std::abs(motion.dq(0, j)) > standing)
+      throw Error(quoted(name) + ": the motion does not start at rest");
     if (std::abs(motion.dq(rows - 1, j)) > standing)
       throw Error(quoted(name) + ": the motion does not end at rest");
   }
