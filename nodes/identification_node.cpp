@@ -30,6 +30,7 @@
 #include "dynid/base/text.hpp"
 #include "dynid/model/robot_file.hpp"
 #include "ros/bag.hpp"
+#include "ros/command_recording.hpp"
 #include "ros/exciting_command.hpp"
 #include "ros/identification_run.hpp"
 #include "ros/identification_settings.hpp"
@@ -177,18 +178,18 @@ class IdentificationNode {
   void end_recording(const std::string& trouble);
   // In the background:
   void prepare();
-  void save(const std::string& trouble);
+  void save(const std::string& ended);  // `ended`: why before its time
   void run();
 
   ros::NodeHandle node_, private_{"~"};
   Parameters parameters_{private_};
-  std::string model_, topic_;
+  std::string model_, topic_, command_topic_;  // no command topic: none is recorded
   Robot robot_;
   double timeout_, duration_, tolerance_;
   ros::Publisher command_, progress_, fraction_, result_publisher_;
   std::vector<ros::ServiceServer> services_;
   ros::CallbackQueue states_queue_;  // of its own: no service keeps a message waiting
-  ros::Subscriber states_;
+  ros::Subscriber states_, commands_;
   ros::AsyncSpinner states_spinner_{1, &states_queue_};
   ros::SteadyTimer timer_;
   diagnostic_updater::Updater updater_;
@@ -196,6 +197,7 @@ class IdentificationNode {
   std::mutex mutex_;  // of what follows
   std::atomic<State> state_{State::idle};
   std::unique_ptr<JointRecording> recording_;  // has a mutex of its own
+  CommandRecording commanding_;                // so has this
   double told_duration_ = -1.0;                // [s] of the recording, as it was said last
   std::size_t told_messages_ = 0;
   std::string bag_;  // what was recorded; empty: nothing
@@ -245,7 +247,8 @@ IdentificationNode::IdentificationNode() {
   waiting_to_start_ = parameters_.flag("auto", false);
   topic_ = node_.resolveName("joint_states");
   std::vector<std::string> unknown;
-  settings(&unknown);  // what is wrong with them is said now
+  command_topic_ = settings(&unknown).command_topic;  // what is wrong with them is said now
+  if (!command_topic_.empty()) command_topic_ = node_.resolveName(command_topic_);
   for (const std::string& name : unknown)
     ROS_WARN_STREAM(parameters_.full(name) << " is not a parameter of this node");
 
@@ -261,10 +264,19 @@ IdentificationNode::IdentificationNode() {
   serve("identify", &IdentificationNode::identify);
   serve("adopt", &IdentificationNode::adopt);
   auto options = ros::SubscribeOptions::create<sensor_msgs::JointState>(
-      "joint_states", 1000, [this](const sensor_msgs::JointState::ConstPtr& m) { recording_->add(*m); },
-      nullptr, &states_queue_);
+      "joint_states", 1000,
+      [this](const sensor_msgs::JointState::ConstPtr& m) { recording_->add(*m, ros::Time::now()); }, nullptr,
+      &states_queue_);
   options.transport_hints = ros::TransportHints().tcpNoDelay();
   states_ = node_.subscribe(options);
+  if (!command_topic_.empty()) {
+    auto commands = ros::SubscribeOptions::create<AnyMessage>(
+        command_topic_, 1000,
+        [this](const boost::shared_ptr<AnyMessage const>& m) { commanding_.add(*m, ros::Time::now()); },
+        nullptr, &states_queue_);
+    commands.transport_hints = ros::TransportHints().tcpNoDelay();
+    commands_ = node_.subscribe(commands);
+  }
   states_spinner_.start();
   updater_.setHardwareID(robot_.name);
   updater_.add("log", this, &IdentificationNode::diagnose_reading);
@@ -295,6 +307,7 @@ IdentificationSettings IdentificationNode::settings(std::vector<std::string>* un
   Texts texts = on_server(private_);
   texts["model"] = model_;
   texts["topic"] = topic_;
+  if (!command_topic_.empty()) texts["command_topic"] = command_topic_;
   std::vector<std::string> ignored;
   return settings_of(texts, unknown != nullptr ? *unknown : ignored);
 }
@@ -385,10 +398,12 @@ std::string IdentificationNode::start() {
     return "preparing the motion, then the robot moves";
   }
   recording_->start();
+  commanding_.start();
   bag_.clear();
   state_ = State::recording;
-  say("recording: waiting for " + topic_);
-  return "recording " + topic_ + " until ~stop, " + std::to_string(std::lround(duration_)) + " s at most";
+  const std::string what = topic_ + (command_topic_.empty() ? "" : " and " + command_topic_);
+  say("recording: waiting for " + what);
+  return "recording " + what + " until ~stop, " + std::to_string(std::lround(duration_)) + " s at most";
 }
 
 std::string IdentificationNode::stop() {
@@ -532,7 +547,9 @@ void IdentificationNode::watch_recording() {
     if (state_ == State::moving) command_.publish(trajectory_msgs::JointTrajectory());
     return end_recording(trouble);
   }
-  text << name(state_) << ": " << summary.messages << " messages, " << std::lround(summary.duration) << " s";
+  text << name(state_) << ": " << summary.messages << " messages, ";
+  if (!command_topic_.empty()) text << commanding_.summary().messages << " commands, ";
+  text << std::lround(summary.duration) << " s";
   // Once a second of it, and where messages pause.
   const bool paused = pose.age > 0.2 && summary.messages != told_messages_;
   if (std::abs(summary.duration - told_duration_) < 1.0 && summary.messages > 0 && !paused) return;
@@ -543,6 +560,7 @@ void IdentificationNode::watch_recording() {
 
 void IdentificationNode::end_recording(const std::string& trouble) {
   recording_->stop();
+  commanding_.stop();
   if (recording_->summary().messages == 0) {
     identify_next_ = false;
     state_ = State::idle;
@@ -581,22 +599,35 @@ void IdentificationNode::prepare() {
   motion_ = all;
   bag_.clear();
   recording_->start();
+  commanding_.start();
   commanded_ = pose.stamp;
   command_.publish(to_message(all, robot_));
   state_ = State::moving;
   say("moving: " + std::to_string(std::lround(all.t[all.samples() - 1])) + " s");
 }
 
-void IdentificationNode::save(const std::string& trouble) {
+void IdentificationNode::save(const std::string& ended) {
   const JointRecording::Summary summary = recording_->summary();
   const IdentificationSettings now = settings();
   make_folder(now);
   const std::string file = file_in_folder(now, "recording.bag");
-  write_bag(file, recording_->messages(), topic_, BagCompression::lz4);
+  const CommandRecording::Summary commands = commanding_.summary();
+  std::string trouble = ended;
+  if (command_topic_.empty()) {
+    write_bag(file, recording_->messages(), topic_, BagCompression::lz4);
+  } else {
+    write_servo_bag(file, recording_->messages(), recording_->arrivals(), topic_, commanding_.messages(),
+                    command_topic_, BagCompression::lz4);
+    if (commands.messages == 0 && trouble.empty()) trouble = "no command on " + command_topic_;
+  }
   std::ostringstream text;
-  text << summary.messages << " messages, " << summary.duration << " s, in " << file;
+  text << summary.messages << " messages, ";
+  if (!command_topic_.empty()) text << commands.messages << " commands, ";
+  text << summary.duration << " s, in " << file;
   if (summary.dropped > 0) text << "; " << summary.dropped << " dropped, the first: " << summary.first_drop;
-  if (summary.dropped > 0) ROS_WARN_STREAM(text.str());
+  if (commands.dropped > 0)
+    text << "; " << commands.dropped << " commands dropped, the first: " << commands.first_drop;
+  if (summary.dropped + commands.dropped > 0) ROS_WARN_STREAM(text.str());
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     bag_ = file;
@@ -624,6 +655,12 @@ void IdentificationNode::run() {
                          {"dropped", summary.dropped},
                          {"first_drop", summary.first_drop},
                          {"duration", summary.duration}};
+  if (!command_topic_.empty()) {
+    const CommandRecording::Summary commands = commanding_.summary();
+    result["recording"]["commands"] = commands.messages;
+    result["recording"]["commands_dropped"] = commands.dropped;
+    result["recording"]["first_command_drop"] = commands.first_drop;
+  }
   result["adopted"] = nullptr;
   const std::lock_guard<std::mutex> lock(mutex_);
   result_ = result;

@@ -361,10 +361,6 @@ class TemporaryFile {
   std::string path_;
 };
 
-}  // namespace
-
-namespace {
-
 void check_readable(const std::string& path) {
   if (::access(path.c_str(), R_OK) != 0) throw Error(path + ": cannot read: " + std::strerror(errno));
 }
@@ -432,8 +428,11 @@ Log read_servo_bag(const std::string& path, const std::vector<std::string>& join
   return log;
 }
 
-void write_bag(const std::string& path, const std::vector<JointState>& messages, const std::string& topic,
-               BagCompression compression) {
+namespace {
+
+/// A bag that `fill` fills, whole or not at all.
+void write_whole(const std::string& path, BagCompression compression,
+                 const std::function<void(rosbag::Bag&)>& fill) {
   check_writable(path);
   const TemporaryFile temporary;
   try {
@@ -441,16 +440,46 @@ void write_bag(const std::string& path, const std::vector<JointState>& messages,
     bag.setCompression(compression == BagCompression::bz2   ? rosbag::compression::BZ2
                        : compression == BagCompression::lz4 ? rosbag::compression::LZ4
                                                             : rosbag::compression::Uncompressed);
-    ros::Time at = ros::TIME_MIN;  // when it was written: never back
-    for (const JointState& message : messages) {
-      at = std::max(at, message.header.stamp);
-      bag.write(topic, at, message);
-    }
+    fill(bag);
     bag.close();
   } catch (const std::exception& error) {
     throw Error(path + ": cannot write: " + error.what());
   }
   write_file(path, read_file(temporary.path()));
+}
+
+}  // namespace
+
+void write_bag(const std::string& path, const std::vector<JointState>& messages, const std::string& topic,
+               BagCompression compression) {
+  write_whole(path, compression, [&](rosbag::Bag& bag) {
+    ros::Time at = ros::TIME_MIN;  // when it was written: never back
+    for (const JointState& message : messages) {
+      at = std::max(at, message.header.stamp);
+      bag.write(topic, at, message);
+    }
+  });
+}
+
+void write_servo_bag(const std::string& path, const std::vector<JointState>& messages,
+                     const std::vector<ros::Time>& arrivals, const std::string& topic,
+                     const std::vector<AnyMessage>& commands, const std::string& command_topic,
+                     BagCompression compression) {
+  if (arrivals.size() != messages.size())
+    throw Error(path + ": " + std::to_string(arrivals.size()) + " arrivals of " +
+                std::to_string(messages.size()) + " messages");
+  write_whole(path, compression, [&](rosbag::Bag& bag) {
+    std::size_t next = 0;  // of the commands: records stand in the order in which they came
+    const auto commands_until = [&](const ros::Time& time) {
+      for (; next < commands.size() && commands[next].arrival <= time; ++next)
+        bag.write(command_topic, std::max(commands[next].arrival, ros::TIME_MIN), commands[next]);
+    };
+    for (std::size_t k = 0; k < messages.size(); ++k) {
+      commands_until(arrivals[k]);
+      bag.write(topic, std::max(arrivals[k], ros::TIME_MIN), messages[k]);
+    }
+    commands_until(ros::TIME_MAX);
+  });
 }
 
 void write_bag(const std::string& path, const Log& log, const std::vector<std::string>& joints,

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <ros/time.h>
 #include <sensor_msgs/JointState.h>
 
 #include <string>
 #include <vector>
 
 #include "dynid/signal/log.hpp"
+#include "ros/command_recording.hpp"
 
 namespace dynid {
 
@@ -38,6 +40,14 @@ Log read_servo_bag(const std::string& path, const std::vector<std::string>& join
 /// Writes messages to a bag, stamped as they are, whole or not at all. Throws Error naming the path.
 void write_bag(const std::string& path, const std::vector<sensor_msgs::JointState>& messages,
                const std::string& topic = "/joint_states", BagCompression compression = BagCompression::none);
+
+/// Writes joint states and commands to a bag, each recorded at its arrival, whole or not at all:
+/// read_servo_bag() reads it whether or not their headers are stamped. `arrivals`: of the states. Throws
+/// Error naming the path.
+void write_servo_bag(const std::string& path, const std::vector<sensor_msgs::JointState>& messages,
+                     const std::vector<ros::Time>& arrivals, const std::string& topic,
+                     const std::vector<AnyMessage>& commands, const std::string& command_topic,
+                     BagCompression compression = BagCompression::none);
 
 /// Writes t, q, dq and tau of a log (a JointState has no place for the rest) so that read_bag() gives them
 /// back, t from 0 and to the nanosecond. Stamps start at 1 s: ROS takes 0 for not set. Throws Error naming

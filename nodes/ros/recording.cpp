@@ -5,7 +5,7 @@
 
 namespace dynid {
 
-void JointRecording::add(const sensor_msgs::JointState& message) {
+void JointRecording::add(const sensor_msgs::JointState& message, const ros::Time& arrival) {
   const std::lock_guard<std::mutex> lock(mutex_);
   try {
     if (!reader_.read(message)) return;
@@ -31,12 +31,15 @@ void JointRecording::add(const sensor_msgs::JointState& message) {
   pose_.q = reader_.q();
   pose_.dq = reader_.dq();
   arrival_ = Clock::now();
-  if (running_) messages_.push_back(message);
+  if (!running_) return;
+  messages_.push_back(message);
+  arrivals_.push_back(arrival);
 }
 
 void JointRecording::start() {
   const std::lock_guard<std::mutex> lock(mutex_);
   messages_.clear();
+  arrivals_.clear();
   dropped_ = 0;
   first_drop_.clear();
   arrival_ = Clock::now();
@@ -63,13 +66,20 @@ JointRecording::Summary JointRecording::summary() const {
   summary.dropped = dropped_;
   summary.first_drop = first_drop_;
   if (!messages_.empty())
-    summary.duration = (messages_.back().header.stamp - messages_.front().header.stamp).toSec();
+    summary.duration = messages_.back().header.stamp.isZero()
+                           ? (arrivals_.back() - arrivals_.front()).toSec()
+                           : (messages_.back().header.stamp - messages_.front().header.stamp).toSec();
   return summary;
 }
 
 std::vector<sensor_msgs::JointState> JointRecording::messages() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return messages_;
+}
+
+std::vector<ros::Time> JointRecording::arrivals() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return arrivals_;
 }
 
 }  // namespace dynid

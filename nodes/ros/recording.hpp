@@ -18,9 +18,9 @@ class JointRecording {
  public:
   explicit JointRecording(std::vector<std::string> joints) : reader_(std::move(joints)) {}
 
-  /// A message as it arrives. Messages with none of the robot's joints are passed over; those that
-  /// JointStateReader refuses, or whose stamp goes back, are dropped and counted. Does not throw.
-  void add(const sensor_msgs::JointState& message);
+  /// A message as it arrives, at `arrival`. Messages with none of the robot's joints are passed over; those
+  /// that JointStateReader refuses, or whose stamp goes back, are dropped and counted. Does not throw.
+  void add(const sensor_msgs::JointState& message, const ros::Time& arrival);
 
   void start();  ///< forgets what was recorded before
   void stop();
@@ -38,11 +38,12 @@ class JointRecording {
     bool running = false;
     std::size_t messages = 0, dropped = 0;
     std::string first_drop;  ///< why
-    double duration = 0.0;   ///< [s] by the stamps
+    double duration = 0.0;   ///< [s] by the stamps, where there are none by arrival
   };
   Summary summary() const;
 
   std::vector<sensor_msgs::JointState> messages() const;  ///< a copy
+  std::vector<ros::Time> arrivals() const;                ///< of each
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -51,6 +52,7 @@ class JointRecording {
   JointStateReader reader_;
   bool running_ = false;
   std::vector<sensor_msgs::JointState> messages_;
+  std::vector<ros::Time> arrivals_;
   std::size_t dropped_ = 0;
   std::string first_drop_;
   Pose pose_;

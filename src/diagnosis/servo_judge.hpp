@@ -20,6 +20,11 @@ struct ServoAnswer {
   double samples = 0.0;
 };
 
+/// What the search said of one of the effects that it chose.
+const WeighedServoEffect& weighed(const ServoAnswer& answer, int effect);
+/// The nominal knobs, those of `effects` as in `x`.
+Knobs only(const Knobs& nominal, const Knobs& x, const std::vector<int>& effects);
+
 /// Fits the chosen effects on all rows, drops what the judging rows do not bear out, and weighs the rest.
 void judge_servo(ServoAnswer& answer, const ServoCriteria& criteria);
 

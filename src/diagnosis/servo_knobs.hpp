@@ -82,6 +82,7 @@ struct ServoEffect {
   std::vector<const char*> aliases;  ///< that no motion tells from it
 };
 const std::vector<ServoEffect>& servo_effects();
+inline const ServoEffect& effect_of(int e) { return servo_effects()[static_cast<std::size_t>(e)]; }
 /// Starting points with the effect in it.
 std::vector<Knobs> starts_of(const ServoEffect& effect, const Knobs& from, const KnobScale& scale);
 /// The effect makes sense for such a joint.

@@ -73,7 +73,8 @@ class CoupledServos {
       kappa[j] = 0.5 * h * ((saturated || idle ? 0.0 : 1.0) + p.spring);
       const double x = v[j] / p.stribeck_velocity;
       f[j] = p.coulomb + (p.stribeck > 0.0 ? p.stribeck * std::exp(-x * x) : 0.0) +
-             p.load_friction * std::abs(L);
+             p.load_friction *
+                 std::abs(e + p.compliance * p.gravity_compensation * gravity_[j] - p.damping * v[j]);
       r[j] = e - L;
       alpha[j] = inertia(j) > 0.5 * p.damping * h ? 2.0 : 1.0;
     }

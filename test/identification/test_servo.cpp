@@ -222,6 +222,69 @@ TEST(IdentifyServos, IntervalsHoldTheTruthAsOftenAsTheySay) {
   }
 }
 
+// Motions unlike each other, as a person records them, on an encoder with steps: what one log alone says of a
+// parameter is not said by several.
+TEST(IdentifyServos, IntervalsHoldTheTruthWhereLogsAreUnlikeEachOther) {
+  constexpr double step = 1.5e-3;
+  std::mt19937_64 random(17);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const Eigen::VectorXd t = stamps(1500, 50.0);
+  const auto waves = [&](double amplitude, double slowest, double fastest) {
+    Eigen::VectorXd u = Eigen::VectorXd::Zero(t.size());
+    for (int k = 0; k < 6; ++k) {
+      const double w = 2.0 * M_PI * between(slowest, fastest), p = between(0.0, 2.0 * M_PI);
+      u.array() += amplitude / 3.0 * (w * t.array() + p).sin();
+    }
+    return u;
+  };
+  const auto steps = [&](double amplitude) {
+    Eigen::VectorXd u(t.size());
+    double to = 0.0;
+    for (Eigen::Index i = 0, next = 0; i < t.size(); ++i) {
+      if (i == next) {
+        to = between(-amplitude, amplitude);
+        next += static_cast<Eigen::Index>(between(40.0, 120.0));
+      }
+      u[i] = to;
+    }
+    return u;
+  };
+  std::vector<ServoJoint> joints;
+  for (int j = 0; j < 24; ++j) joints.push_back(random_joint(random));
+  std::vector<Log> logs(4);
+  for (std::size_t l = 0; l < logs.size(); ++l) {
+    Log& log = logs[l];
+    log.source = "motion " + std::to_string(l);
+    log.t = t;
+    log.u.resize(t.size(), static_cast<Eigen::Index>(joints.size()));
+    log.q = log.u;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const auto c = static_cast<Eigen::Index>(j);
+      log.u.col(c) = l == 0   ? waves(0.4, 0.03, 0.15)
+                     : l == 1 ? waves(0.1, 0.8, 2.5)
+                     : l == 2 ? steps(0.4)
+                              : waves(0.3, 0.1, 0.8);
+      log.q.col(c) = motion(joints[j], t, log.u.col(c), 32).unaryExpr([](double q) {
+        return step * std::round(q / step);
+      });
+    }
+  }
+  ServoOptions options;
+  options.further_terms = false;
+  const ServoIdentification id = identify_servos(logs, {}, options);
+  int held = 0, all = 0;
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    for (const ServoValue& v : id.joints[j].values) {
+      const double is = truth(joints[j], v.name);
+      held += v.low <= is && is <= v.high;
+      ++all;
+    }
+  EXPECT_EQ(all, 120);
+  EXPECT_GE(held, 0.86 * all);  // by the scores of the logs alone some three quarters
+}
+
 TEST(IdentifyServos, NeitherThreadsNorNumberingOfJointsMatter) {
   std::mt19937_64 random(23);
   std::vector<ServoJoint> joints = {random_joint(random), random_joint(random), random_joint(random)};

@@ -16,6 +16,7 @@
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
 #include "ros/bag.hpp"
+#include "ros/command_recording.hpp"
 
 namespace dynid {
 namespace {
@@ -138,6 +139,63 @@ TEST_F(CommandBag, OfArraysByArrival) {
         30);
     expect_commands(read(), 30);
   }
+}
+
+template <class Message>
+AnyMessage as_it_comes(const Message& message) {
+  AnyMessage any;
+  any.type = ros::message_traits::datatype(message);
+  any.md5sum = ros::message_traits::md5sum(message);
+  any.definition = ros::message_traits::definition(message);
+  any.bytes.resize(ros::serialization::serializationLength(message));
+  ros::serialization::OStream stream(any.bytes.data(), static_cast<std::uint32_t>(any.bytes.size()));
+  ros::serialization::serialize(stream, message);
+  return any;
+}
+
+// What a node recorded: headers with stamps or without, commands of a type that says nothing of time.
+TEST_F(CommandBag, OfARecording) {
+  for (const bool stamps : {true, false}) {
+    CommandRecording commands;
+    std_msgs::Float64MultiArray m;
+    m.data = {7.0, 7.0};
+    commands.add(as_it_comes(m), ros::Time(0.5));  // before it runs
+    commands.start();
+    std::vector<sensor_msgs::JointState> states;
+    std::vector<ros::Time> arrivals;
+    for (int i = 0; i < rows; ++i) {
+      const double t = i * period;
+      m.data = {command(0, t), command(1, t)};
+      if (i >= 30) commands.add(as_it_comes(m), ros::Time(1.0 + t - 0.005));
+      sensor_msgs::JointState state;
+      if (stamps) state.header.stamp = ros::Time(100.0 + t);  // of another clock
+      state.name = {"pan", "lift"};
+      state.position = {10.0 + i, 20.0 + i};
+      states.push_back(state);
+      arrivals.emplace_back(1.0 + t);
+    }
+    commands.stop();
+    commands.add(as_it_comes(m), ros::Time(50.0));
+    EXPECT_EQ(commands.summary().messages, std::size_t(rows - 30));
+    EXPECT_EQ(commands.summary().dropped, 0u);
+    write_servo_bag(path_, states, arrivals, "/joint_states", commands.messages(), "/arm/command",
+                    BagCompression::lz4);
+    expect_commands(read(), 30);
+  }
+}
+
+TEST_F(CommandBag, ARecordingDropsWhatIsNoCommand) {
+  CommandRecording commands;
+  commands.start();
+  commands.add(as_it_comes(std_msgs::String()), ros::Time(1.0));
+  AnyMessage other = as_it_comes(std_msgs::Float64MultiArray());
+  other.md5sum = "of another version";
+  commands.add(other, ros::Time(1.0));
+  EXPECT_EQ(commands.summary().messages, 0u);
+  EXPECT_EQ(commands.summary().dropped, 2u);
+  EXPECT_NE(commands.summary().first_drop.find("it is std_msgs/String, not "), std::string::npos);
+  commands.start();  // forgets
+  EXPECT_EQ(commands.summary().dropped, 0u);
 }
 
 TEST_F(CommandBag, IsRefusedInOneLine) {

@@ -269,6 +269,83 @@ TEST_F(IdentificationNode, RecordsIdentifiesAndHandsOver) {
   EXPECT_TRUE(without_note(path("identified.yaml")) == without_note(path("program.yaml")));
 }
 
+// Positions on one topic, commands on another: a servo log, from which servos are identified.
+TEST_F(IdentificationNode, RecordsCommandsToo) {
+  Node node("/servo");
+  node.set("output_directory", folder_.string());
+  ros::Publisher states = publisher("/servo"),
+                 commands = node_.advertise<trajectory_msgs::JointTrajectory>("/servo/arm/command", 20000);
+  ASSERT_TRUE(eventually([&] { return states.getNumSubscribers() > 0 && commands.getNumSubscribers() > 0; }));
+  // Joints that follow as a mass on a spring does.
+  constexpr double period = 0.01, w = 20.0, damping = 0.8;
+  constexpr Eigen::Index count = 2000;
+  Log motion;
+  motion.t = Eigen::VectorXd::LinSpaced(count, 0.0, (count - 1) * period);
+  motion.u.resize(count, 7);
+  motion.q.resize(count, 7);
+  for (int j = 0; j < 7; ++j) {
+    const double middle =
+        0.5 * (robot_.joints[std::size_t(j)].limits.lower + robot_.joints[std::size_t(j)].limits.upper);
+    double q = middle, v = 0.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const double t = motion.t[i],
+                   u = middle + 0.3 * std::sin((0.7 + 0.2 * j) * t) + 0.1 * std::sin(5.0 * t);
+      motion.u(i, j) = i == 0 ? middle : u;
+      motion.q(i, j) = q;
+      for (int k = 0; k < 10; ++k) {
+        v += 0.1 * period * (w * w * (motion.u(i, j) - q) - 2.0 * damping * w * v);
+        q += 0.1 * period * v;
+      }
+    }
+  }
+  const auto stamp = [&](Eigen::Index i) {
+    ros::Time time;
+    return time.fromNSec(1700000000000000000ull +
+                         static_cast<std::uint64_t>(std::llround(1e9 * motion.t[i])));
+  };
+  const auto play = [&](bool command) {
+    for (Eigen::Index i = 0; i < count; ++i) {
+      trajectory_msgs::JointTrajectory u;
+      u.header.stamp = stamp(i);
+      u.joint_names = joints_;
+      u.points.resize(1);
+      JointState q;
+      q.header.stamp = stamp(i);
+      q.name = joints_;
+      for (int j = 0; j < 7; ++j) {
+        u.points[0].positions.push_back(motion.u(i, j));
+        q.position.push_back(motion.q(i, j));
+      }
+      if (command) commands.publish(u);
+      states.publish(q);
+      if (i % 5 == 4) ros::WallDuration(0.001).sleep();
+    }
+  };
+  ASSERT_TRUE(node.call("start")) << node.message();
+  play(false);
+  ASSERT_TRUE(node.said("recording: 2000 messages, 0 commands")) << node.lines();
+  ASSERT_TRUE(node.call("stop")) << node.message();
+  ASSERT_TRUE(node.said("failed: no command on /servo/arm/command")) << node.lines();
+
+  node.forget();
+  ASSERT_TRUE(node.call("start")) << node.message();
+  play(true);
+  ASSERT_TRUE(node.said("recording: 2000 messages, 2000 commands")) << node.lines();
+  ASSERT_TRUE(node.call("identify")) << node.message();
+  ASSERT_TRUE(node.said("done: ", 120.0)) << node.lines();
+  const nlohmann::json result = node.result();
+  EXPECT_EQ(result["status"], 0) << result;
+  EXPECT_EQ(result["recording"]["commands"], 2000);
+  EXPECT_EQ(result["recording"]["commands_dropped"], 0);
+  EXPECT_TRUE(fs::exists(path("identified.yaml")));
+  LogColumns columns;
+  columns.dq = columns.tau = false;
+  const Log bag =
+      read_servo_bag(path("recording.bag"), joints_, "/servo/joint_states", "/servo/arm/command", columns);
+  EXPECT_EQ(bag.q, motion.q);
+  EXPECT_EQ(bag.u, motion.u);
+}
+
 TEST_F(IdentificationNode, DropsWhatCannotBeUsedAndSaysSo) {
   Node node("");
   node.set("output_directory", folder_.string());

@@ -67,6 +67,19 @@ TEST(ServoPlant, EffectsAreThoseOfTheServo) {
   }
 }
 
+// Of all that the servo gives, as friction with the load is in a torque log: under the load it is more on the
+// way up than on the way down.
+TEST(ServoPlant, FrictionWithTheLoadIsOfAllThatTheServoGives) {
+  Robot robot = servo_panda();
+  const Trajectory motion = commands_of(robot);
+  const Eigen::MatrixXd healthy = simulate_servos(robot, {}, motion, clean()).q;
+  robot.joints[1].servo->load_friction = 0.3;
+  const ServoRun run = simulate_servos(robot, {}, motion, clean());
+  EXPECT_GT(mean_difference(run.q, healthy)[1], 3e-3);
+  const Eigen::VectorXd left = replay_servos(robot, run.log, 40).error;
+  EXPECT_LT(left.maxCoeff(), 5e-4) << left.transpose();
+}
+
 TEST(ServoPlant, LimitHoldsAndGravityIsCompensated) {
   const Robot robot = servo_panda();
   const Trajectory motion = commands_of(robot);

@@ -33,7 +33,8 @@ using ServoSensitivity = Eigen::Array<double, servo_parameters, 1>;
 /// A servo joint with every torque divided by the stiffness kp:
 ///   a ddq + c dq + f sgn dq + L = clip(gap(u(t - delay) - q), limit),
 ///   a = inertia + compliance M_jj,  L = bias + spring q + compliance (h - gravity_compensation g),
-///   f = coulomb + stribeck exp(-(dq / stribeck_velocity)^2) + load_friction |L|,
+///   f = coulomb + stribeck exp(-(dq / stribeck_velocity)^2) + load_friction |T|,
+///   T = clip(gap(u - q), limit) + compliance gravity_compensation g - c dq: what the servo gives,
 /// gap(e) = 0 inside +-backlash, else e less it.
 struct ServoJoint {
   double inertia = 0.0;
@@ -158,7 +159,8 @@ class ServoState {
       const double x = v / p.stribeck_velocity;
       bump = std::exp(-x * x);
     }
-    const double f = p.coulomb + p.stribeck * bump + p.load_friction * std::abs(L);
+    const double given = e + p.compliance * p.gravity_compensation * in.gravity - p.damping * v;
+    const double f = p.coulomb + p.stribeck * bump + p.load_friction * std::abs(given);
     const double r = e - L;
 
     double alpha = a > 0.5 * p.damping * h ? 2.0 : 1.0;
@@ -177,16 +179,21 @@ class ServoState {
       if (w == 0.0) {
         dw.setZero();
       } else {
-        const double s = w > 0.0 ? 1.0 : -1.0, sL = L > 0.0 ? 1.0 : -1.0;
+        const double s = w > 0.0 ? 1.0 : -1.0, of_given = s * (given > 0.0 ? 1.0 : -1.0) * p.load_friction;
         const double k = alpha * (v - w) / h;  // of a
         // d(R - s f) - w dD, term by term
         dw = (alpha * a / h) * dv;
-        const double of_load = 1.0 + s * sL * p.load_friction;
         if (!held) {
-          dw += du - dq;
-          dw[int(P::backlash)] -= side;
+          dw += (1.0 - of_given) * (du - dq);
+          dw[int(P::backlash)] -= (1.0 - of_given) * side;
         }
-        if (p.spring != 0.0) dw -= of_load * p.spring * dq;
+        if (of_given != 0.0) {
+          dw += of_given * p.damping * dv;
+          dw[int(P::damping)] += of_given * v;
+          dw[int(P::compliance)] -= of_given * p.gravity_compensation * in.gravity;
+          dw[int(P::gravity_compensation)] -= of_given * p.compliance * in.gravity;
+        }
+        if (p.spring != 0.0) dw -= p.spring * dq;
         if (p.stribeck > 0.0) {
           const double x = v / p.stribeck_velocity, slope = 2.0 * x * p.stribeck * bump / p.stribeck_velocity;
           dw += s * slope * dv;
@@ -196,14 +203,14 @@ class ServoState {
         dw[int(P::inertia)] += k;
         dw[int(P::damping)] -= w;
         dw[int(P::coulomb)] -= s;
-        dw[int(P::bias)] -= of_load;
-        dw[int(P::spring)] -= of_load * q + 0.5 * h * w;
-        dw[int(P::compliance)] += k * in.inertia - of_load * carried;
-        dw[int(P::gravity_compensation)] += of_load * p.compliance * in.gravity;
-        dw[int(P::load_friction)] -= s * std::abs(L);
-        if (saturated) dw[int(P::limit)] += e > 0.0 ? 1.0 : -1.0;
+        dw[int(P::bias)] -= 1.0;
+        dw[int(P::spring)] -= q + 0.5 * h * w;
+        dw[int(P::compliance)] += k * in.inertia - carried;
+        dw[int(P::gravity_compensation)] += p.compliance * in.gravity;
+        dw[int(P::load_friction)] -= s * std::abs(given);
+        if (saturated) dw[int(P::limit)] += (1.0 - of_given) * (e > 0.0 ? 1.0 : -1.0);
         if constexpr (parts > 0)
-          for (int m = 0; m < parts; ++m) dw[servo_parameters + m] -= of_load * p.compliance * part[m];
+          for (int m = 0; m < parts; ++m) dw[servo_parameters + m] -= p.compliance * part[m];
         dw /= D;
       }
       dq += h * dw;

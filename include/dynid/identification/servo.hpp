@@ -91,8 +91,8 @@ struct ServoIdentification {
 /// motion, enter multiplied with 1 / kp; where that holds on data left out, kp is in N m/rad, and the rest
 /// follows in SI. Otherwise only ratios are claimed.
 ///
-/// Intervals: sandwich covariance of the scores of blocks of time, scaled up by the spread of the scores
-/// between logs where that is larger.
+/// Intervals: sandwich covariance of the scores of blocks of time; of three logs or more scaled up to how the
+/// parameters move when one of them is left out, where that is more.
 ///
 /// Throws Error naming log and joint: no u, sizes that differ, commands or positions in degrees, no joint
 /// whose command moves, too short. Allocates about (10 + 2 n) times the logs. Runs on oneTBB; the result does

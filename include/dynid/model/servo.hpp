@@ -23,7 +23,7 @@ struct Servo {
   double bias = 0.0;               ///< u - q at rest without load [rad]
   double stribeck_position = 0.0;  ///< friction at rest above Coulomb friction, over kp [rad]
   double stribeck_velocity = 0.0;  ///< at which it has decayed to 1/e [rad/s]
-  double load_friction = 0.0;      ///< friction for each unit of static load
+  double load_friction = 0.0;      ///< friction for each unit of what the servo gives
   double torque_limit = std::numeric_limits<double>::infinity();  ///< [N m], where kp is known
   double error_limit = std::numeric_limits<double>::infinity();   ///< torque limit over kp [rad], where not
   double command_time_constant = 0.0;  ///< of a first-order filter of the command [s]
