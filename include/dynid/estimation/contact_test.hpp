@@ -55,7 +55,9 @@ struct Contact {
 /// While there is contact, a force at the contact_point of each link is fitted to the residual, drawn towards
 /// the size that makes such a statistic there, and the link is the one whose marginal likelihood, averaged
 /// over the contact (half a second at most) and joined to the link's extent, is largest: the Jacobian's
-/// pattern decides, a joint beyond the pushed link speaks against it.
+/// pattern decides, a joint beyond the pushed link speaks against it. Where the pattern leaves a choice, as
+/// between a push in the middle of the arm and a far stronger one beside the shoulder, the weaker is
+/// likelier: pushes of more than F newtons are taken to be as rare as 1 / F, which prefers no scale of force.
 ///
 /// The constructor and make_tuning() throw and allocate; nothing else does.
 template <int N = Eigen::Dynamic>
@@ -199,10 +201,13 @@ class ContactTest {
       A.diagonal().array() += prior;
       const double determinant = inverse(A, push.covariance);
       push.force = push.covariance * b;
-      // Less what the joints' residual has of it: links are compared over different cycles.
-      const double evidence = 0.5 * (b.dot(push.force) - contact_.statistic) +
-                              0.5 * std::log(std::max(prior * prior * prior / determinant, 1e-300)) +
-                              tuning.log_extent[k];
+      // Less what the joints' residual has of it: links are compared over different cycles. Twice the force
+      // is half as likely.
+      const double square = push.force.squaredNorm() + push.covariance.trace();
+      const double evidence =
+          0.5 * (b.dot(push.force) - contact_.statistic) +
+          0.5 * std::log(std::max(prior * prior * prior / (determinant * square), 1e-300)) +
+          tuning.log_extent[k];
       score_[k] += std::min((pushed ? 1.0 : n) * dt / located_, 1.0) * (evidence - score_[k]);
       if (!(score_[k] > largest)) continue;
       largest = score_[k];
