@@ -173,7 +173,7 @@ template <bool prismatic, class V, class E, int N>
 [[gnu::always_inline]] inline Moments<V> placed_moments(const Model<N>& model, int at,
                                                         const Placed<V>& placed) {
   const auto constant = [&](int k) { return load_constant<V, E>(model.reduced_row(k) + at); };
-  const auto& [x, y, z, p] = placed;
+  const Vector3<V>&x = placed.x, &y = placed.y, &z = placed.z, &p = placed.p;
   const V hx = constant(1), hy = constant(2);
   const V xx = constant(4), xy = constant(5), yy = constant(6), xz = constant(7), yz = constant(8);
   Moments<V> r;
