@@ -251,7 +251,8 @@ std::optional<ServoJoint> equation_error(const ServoProblem& problem) {
   const double interval = problem.series.front()->interval;
   double best = std::numeric_limits<double>::infinity();
   std::optional<ServoJoint> found;
-  for (double delay = 0.0; delay <= problem.longest_delay * interval; delay += 0.25 * interval) {
+  for (int quarter = 0; quarter <= 4 * problem.longest_delay; ++quarter) {
+    const double delay = 0.25 * quarter * interval;
     TriangularFactor factor(4);
     std::size_t k = 0;
     for (const ServoSeries* s : problem.series) {
