@@ -311,7 +311,7 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
       const bool inside = std::abs(r) <= solution.width;
       for (Eigen::Index k = 0; k < n; ++k)
         J[k] = slope[k] * state.dq[static_cast<int>(out.free[static_cast<std::size_t>(k)])];
-      if (inside) out.hessian.selfadjointView<Eigen::Lower>().rankUpdate(J);
+      if (inside) out.hessian.noalias() += J * J.transpose();
       score += (inside ? r : std::copysign(solution.width, r)) * J;
       if (++filled == length || i + 1 == size) {
         blocks.push_back(score);
