@@ -52,6 +52,7 @@ struct BilinearGain {
 
 BilinearGain bilinear_gain(const Eigen::MatrixXd& normal, Eigen::Index coefficients) {
   constexpr int turns = 40;
+  if (coefficients < 1) return {};
   const Eigen::Index p = normal.rows(), places = p / coefficients - 1;
   Eigen::MatrixXd G = normal.leftCols(p);
   G.diagonal().array() += 1e-9 * G.trace() + 1e-12;

@@ -248,7 +248,8 @@ std::vector<Reading> ConventionSearch::without_a_part(const Reading& r) const {
 
 void ConventionSearch::refine(Reading& r) {
   double score = quick(mid_, r);
-  for (double step = 7.5 * degree_of_angle; step > 0.1 * degree_of_angle; step *= 0.5) {
+  double step = 7.5 * degree_of_angle;
+  while (step > 0.1 * degree_of_angle) {
     for (int j = 0; j < n_; ++j) {
       if (r.zero[j] == 0.0) continue;
       for (const double s : {step, -step}) {
@@ -258,6 +259,7 @@ void ConventionSearch::refine(Reading& r) {
         if (there < score) score = there, r = tried;
       }
     }
+    step *= 0.5;
   }
 }
 

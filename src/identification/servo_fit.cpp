@@ -251,7 +251,8 @@ std::optional<ServoJoint> equation_error(const ServoProblem& problem) {
   const double interval = problem.series.front()->interval;
   double best = std::numeric_limits<double>::infinity();
   std::optional<ServoJoint> found;
-  for (double delay = 0.0; delay <= problem.longest_delay * interval; delay += 0.25 * interval) {
+  for (int quarter = 0; quarter <= 4 * problem.longest_delay; ++quarter) {
+    const double delay = 0.25 * quarter * interval;
     TriangularFactor factor(4);
     std::size_t k = 0;
     for (const ServoSeries* s : problem.series) {
@@ -349,7 +350,7 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
       const bool inside = std::abs(r) <= solution.width;
       for (Eigen::Index k = 0; k < n; ++k)
         J[k] = slope[k] * state.dq[static_cast<int>(out.free[static_cast<std::size_t>(k)])];
-      if (inside) hessian.selfadjointView<Eigen::Lower>().rankUpdate(J);
+      if (inside) hessian.noalias() += J * J.transpose();
       score += (inside ? r : std::copysign(solution.width, r)) * J;
       if (++filled == length || i + 1 == size) {
         blocks.push_back(score);

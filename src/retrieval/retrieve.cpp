@@ -75,10 +75,12 @@ Eigen::VectorXd repaired(const Prepared& prepared, Eigen::VectorXd p) {
   }
   if (!prepared.interior()) return p;
   const Eigen::VectorXd x = prepared.to_x(p), inside = prepared.to_x(*prepared.interior());
-  for (double part = 1e-11; part < 1e-3; part *= 10.0) {
+  double part = 1e-11;
+  while (part < 1e-3) {
     Eigen::VectorXd mixed =
         prepared.to_p(x + part * (inside - x)).cwiseMax(bounds.lower).cwiseMin(bounds.upper);
     if (prepared.smallest_margin(mixed) >= 0.0) return mixed;
+    part *= 10.0;
   }
   return p;
 }

@@ -511,6 +511,37 @@ TEST(Contact, FindsLinkAndForceOfAPush) {
   }
 }
 
+// Beside the shoulder and at a tenth of the lever, ten times the force makes the torques of a push at the
+// elbow: the weaker push is the likelier.
+TEST(Contact, OfTwoPushesThatExplainAllTheWeakerIsLikelier) {
+  const Robot robot = panda();
+  const Model<7> model(robot);
+  Workspace<7> ws(model);
+  Uncertainty u = simple(7, 0.0);
+  for (JointUncertainty& joint : u.joints) joint.constant = 1e-6;
+  u.joints[1].contact_point = 0.1 * robot.joints[2].origin.translation();
+  const auto tuning = ContactTest<7>::make_tuning(u, 7, {});
+  Generator generator(5);
+  const Eigen::Matrix<double, 7, 1> none = Eigen::Matrix<double, 7, 1>::Zero();
+  for (int i = 0; i < 20; ++i) {
+    ContactTest<7> test(7);
+    const Eigen::Matrix<double, 7, 1> q = random_state(generator, 7, 1.0);
+    Eigen::Matrix<double, 7, 1> external = none;
+    Eigen::Matrix<double, 6, 7> J;
+    jacobian(model, ws, q, J);
+    std::array<Eigen::Isometry3d, 8> poses;
+    forward_kinematics(model, ws, q, poses);
+    const Eigen::Vector3d force = random_vector(generator, 10.0);
+    const Eigen::Vector3d arm = poses[2].translation() - poses[7].translation();
+    for (int k = 0; k < 3; ++k) external[k] = (J.col(k).head<3>() + J.col(k).tail<3>().cross(arm)).dot(force);
+    for (int k = 0; k < 500; ++k)
+      if (test.update(1e-3, external, none, none, none, tuning))
+        test.locate(1e-3, model, ws, J, 1.0, model.tip().translation(), tuning);
+    ASSERT_TRUE(test.contact().detected);
+    EXPECT_EQ(test.contact().link, 2) << "push " << i;
+  }
+}
+
 TEST(Contact, UncertaintySurvivesTheModelFile) {
   ModelFile model;
   model.robot = panda();

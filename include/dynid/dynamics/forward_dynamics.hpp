@@ -37,10 +37,10 @@ void forward_dynamics(const Model<N>& model, Workspace<N, S>& ws, const Q& q, co
       using L = decltype(lane);
       if (model.has_prismatic()) {
         inverse_dynamics<true>(model, ws, q, dq, Zeros(), ddq, pass);
-        upper_mass_matrix<true, L>(model, ws, q, M, pass);
+        mass_matrix<false, true, L>(model, ws, q, M, pass);
       } else {
         inverse_dynamics<false>(model, ws, q, dq, Zeros(), ddq, pass);
-        upper_mass_matrix<false, L>(model, ws, q, M, pass);
+        mass_matrix<false, false, L>(model, ws, q, M, pass);
       }
     });
     if constexpr (!std::is_same_v<I, Zeros>)

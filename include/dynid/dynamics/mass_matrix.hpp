@@ -9,19 +9,17 @@ namespace dynid {
 namespace detail {
 
 /// M_ij = S_i . I_C(j) S_j for i <= j, column by column, lanes along the rows; below the diagonal the same
-/// with i and j exchanged.
-template <bool prismatic, class V, int N, class S, class Q, class Out>
-[[gnu::always_inline]] inline void upper_mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
-                                                     Out& M, int pass) {
+/// with i and j exchanged, if `both`, else nothing that means anything.
+template <bool both, bool prismatic, class V, int N, class S, class Q, class Out>
+[[gnu::always_inline]] inline void mass_matrix(const Model<N>& model, Workspace<N, S>& ws, const Q& q, Out& M,
+                                               int pass) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
   const int n = model.size();
-  place<S, true>(model, ws, q, pass);
-  place_twists<V>(model, ws);
-  for (int g = 0; g * lanes < n; ++g) {
-    const int at = first_of_group<lanes>(g, n);
-    set_moments(ws, g * lanes, placed_moments<prismatic, V>(model, ws, at));
-  }
+  placed_groups<S, true, V>(model, ws, q, pass, [&](int g, int at, const Placed<V>& placed) {
+    place_twists<V>(model, ws, at, placed.z, placed.p);
+    set_moments(ws, g * lanes, placed_moments<prismatic, V, E>(model, at, placed));
+  });
   sum_inwards<V>(ws, n, row_moments + !prismatic, 10 - !prismatic);
   const Rows3<E> rw(ws, row_w), rv(ws, row_v), rf(ws, row_force), rn(ws, row_couple);
   for (int g = 0; g * lanes < n; ++g) {
@@ -35,7 +33,10 @@ template <bool prismatic, class V, int N, class S, class Q, class Out>
     for (int g = 0; g * lanes <= j; ++g) {
       const int at = first_of_group<lanes>(g, n);
       if (at > j) break;
-      write_rows<S>(M, at, j, pass, V(dot(rw.template get<V>(at), m) + dot(rv.template get<V>(at), f)));
+      const V x = dot(rw.template get<V>(at), m) + dot(rv.template get<V>(at), f);
+      write_rows<S>(M, at, j, pass, x);
+      // What a column has below its diagonal is not right until the later ones have been here.
+      if constexpr (both) write_columns<S>(M, j, at, j, pass, x);
     }
   }
 }
@@ -54,13 +55,11 @@ void mass_matrix(const Model<N>& model, Workspace<N, Scalar>& ws, const Eigen::M
     detail::with_lanes<detail::ElementOf<Scalar>>(model, [&](auto lane) {
       using L = decltype(lane);
       if (model.has_prismatic())
-        detail::upper_mass_matrix<true, L>(model, ws, q.derived(), M, pass);
+        detail::mass_matrix<true, true, L>(model, ws, q.derived(), M, pass);
       else
-        detail::upper_mass_matrix<false, L>(model, ws, q.derived(), M, pass);
+        detail::mass_matrix<true, false, L>(model, ws, q.derived(), M, pass);
     });
   }
-  for (int j = 1; j < model.size(); ++j)
-    for (int i = 0; i < j; ++i) M.coeffRef(j, i) = M.coeffRef(i, j);
 }
 
 /// The same with `armature` [kg m^2 or kg] (n, of double: rotor inertia seen at the joints) added to the

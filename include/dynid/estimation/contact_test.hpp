@@ -55,7 +55,9 @@ struct Contact {
 /// While there is contact, a force at the contact_point of each link is fitted to the residual, drawn towards
 /// the size that makes such a statistic there, and the link is the one whose marginal likelihood, averaged
 /// over the contact (half a second at most) and joined to the link's extent, is largest: the Jacobian's
-/// pattern decides, a joint beyond the pushed link speaks against it.
+/// pattern decides, a joint beyond the pushed link speaks against it. Where the pattern leaves a choice, as
+/// between a push in the middle of the arm and a far stronger one beside the shoulder, the weaker is
+/// likelier: pushes of more than F newtons are taken to be as rare as 1 / F, which prefers no scale of force.
 ///
 /// The constructor and make_tuning() throw and allocate; nothing else does.
 template <int N = Eigen::Dynamic>
@@ -102,7 +104,8 @@ class ContactTest {
         z_(score_),
         white_(score_),
         certainty_(score_),
-        levers_(6, n) {
+        levers_(n, 6),
+        push_(n, 3) {
     contact_.residual = contact_.variance = score_;
     if constexpr (N == Eigen::Dynamic) pushes_.resize(static_cast<std::size_t>(n));
   }
@@ -170,39 +173,43 @@ class ContactTest {
     const double observed = std::max(contact_.statistic, tuning.threshold);
     double largest = -std::numeric_limits<double>::infinity();
     int link = 0;
-    const double per_length = 1.0 / length;
-    for (int k = 0; k < n; ++k) {
+    Vector6 unscaled;
+    unscaled.template head<3>().setOnes(), unscaled.template tail<3>().setConstant(1.0 / length);
+    const int last = first ? n - 1 : std::max(contact_.link, turn_);
+    for (int k = 0; k <= last; ++k) {
       // A link feels the joints up to its own: joint k joins the sums W J.
-      Vector6 column = certainty_[k] * jacobian.col(k);
-      column.template tail<3>() *= per_length;
-      for (int i = k; i < n; ++i) levers_.col(i) += tuning.whitening(i, k) * column;
+      const Vector6 column = certainty_[k] * jacobian.col(k).cwiseProduct(unscaled);
+      for (int c = 0; c < 6; ++c) levers_.col(c) += column[c] * tuning.whitening.col(k);
       // The first look is at all links; then the others take turns beside the one that is pushed.
       const bool pushed = k == contact_.link;
       if (!(first || pushed || k == turn_)) continue;
       Push& push = pushes_[static_cast<std::size_t>(k)];
       push.point = placed_point(model, ws, k, tuning.joints[static_cast<std::size_t>(k)].contact_point);
-      push.arm = push.point - centre;
-      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();  // its lower triangle
-      Eigen::Vector3d b = Eigen::Vector3d::Zero();
-      for (int i = 0; i < n; ++i) {
-        const double* const l = levers_.data() + 6 * i;
-        const Eigen::Vector3d& arm = push.arm;
-        const double j[3] = {l[0] + l[4] * arm.z() - l[5] * arm.y(), l[1] + l[5] * arm.x() - l[3] * arm.z(),
-                             l[2] + l[3] * arm.y() - l[4] * arm.x()};
-        for (int c = 0; c < 3; ++c) {
-          b[c] += white_[i] * j[c];
-          for (int r = c; r < 3; ++r) A(r, c) += j[r] * j[c];
-        }
+      const Eigen::Vector3d arm = push.point - centre;
+      // The joints' answer to a force there, one direction a column.
+      push_.col(0) = levers_.col(0) + arm.z() * levers_.col(4) - arm.y() * levers_.col(5);
+      push_.col(1) = levers_.col(1) + arm.x() * levers_.col(5) - arm.z() * levers_.col(3);
+      push_.col(2) = levers_.col(2) + arm.y() * levers_.col(3) - arm.x() * levers_.col(4);
+      Eigen::Matrix3d A;  // its lower triangle
+      Eigen::Vector3d b;
+      for (int c = 0; c < 3; ++c) {
+        b[c] = white_.dot(push_.col(c));
+        for (int r = c; r < 3; ++r) A(r, c) = push_.col(r).dot(push_.col(c));
       }
       // Forces of this size make a statistic as observed, whatever their direction.
       const double prior = A.trace() > 0.0 ? A.trace() / observed : 1.0;
       A.diagonal().array() += prior;
-      const double determinant = inverse(A, push.covariance);
-      push.force = push.covariance * b;
-      // Less what the joints' residual has of it: links are compared over different cycles.
-      const double evidence = 0.5 * (b.dot(push.force) - contact_.statistic) +
-                              0.5 * std::log(std::max(prior * prior * prior / determinant, 1e-300)) +
-                              tuning.log_extent[k];
+      Eigen::Matrix3d covariance;
+      const double determinant = inverse(A, covariance);
+      const Eigen::Vector3d force = covariance * b;
+      set_wrench(push, force, covariance, arm, tuning.options.contact_size);
+      // Less what the joints' residual has of it: links are compared over different cycles. Twice the force
+      // is half as likely.
+      const double square = force.squaredNorm() + covariance.trace();
+      const double evidence =
+          0.5 * (b.dot(force) - contact_.statistic) +
+          0.5 * std::log(std::max(prior * prior * prior / (determinant * square), 1e-300)) +
+          tuning.log_extent[k];
       score_[k] += std::min((pushed ? 1.0 : n) * dt / located_, 1.0) * (evidence - score_[k]);
       if (!(score_[k] > largest)) continue;
       largest = score_[k];
@@ -210,7 +217,7 @@ class ContactTest {
     }
     contact_.link = link;
     contact_.point = pushes_[static_cast<std::size_t>(link)].point;
-    mean_push(tuning.options.contact_size);
+    mean_push();
   }
 
   const Contact<N>& contact() const noexcept { return contact_; }
@@ -233,42 +240,51 @@ class ContactTest {
 
   /// The push that explains the residual, if the link is pushed.
   struct Push {
-    Eigen::Vector3d force, arm, point;  ///< [N]; [m] from the wrench's origin, in the base frame
-    Eigen::Matrix3d covariance;         ///< [N^2]
+    Eigen::Vector3d point;  ///< [m] in the base frame
+    Vector6 wrench;         ///< about the wrench's origin
+    Matrix6 covariance;
   };
 
+  /// The wrench of a force with the covariance P [N^2] on a point at `arm` [m] from the wrench's origin,
+  /// which may be off by `size` [m].
+  static void set_wrench(Push& push, const Eigen::Vector3d& force, const Eigen::Matrix3d& P,
+                         const Eigen::Vector3d& arm, double size) noexcept {
+    push.wrench << force, arm.cross(force);
+    // [arm] P, column by column, and from its rows [arm] P [arm]^T.
+    Eigen::Matrix3d moved, moment;
+    for (int c = 0; c < 3; ++c) moved.col(c) = arm.cross(P.col(c));
+    for (int r = 0; r < 3; ++r) moment.col(r) = arm.cross(moved.row(r).transpose());
+    moment -= size * size * force * force.transpose();
+    moment.diagonal().array() += size * size * force.squaredNorm();
+    push.covariance.template topLeftCorner<3, 3>() = P;
+    push.covariance.template bottomLeftCorner<3, 3>() = moved;
+    push.covariance.template topRightCorner<3, 3>() = moved.transpose();
+    push.covariance.template bottomRightCorner<3, 3>() = 0.5 * (moment + moment.transpose());
+  }
+
   // The wrench: mean and covariance over the links that may be pushed.
-  void mean_push(double size) noexcept {
+  void mean_push() noexcept {
     constexpr double possible = 5.0;  // log probabilities below the best's that are looked at
     const int n = static_cast<int>(score_.size());
-    double weights = 0.0;
-    contact_.wrench.setZero(), contact_.covariance.setZero();
+    const Push& best = pushes_[static_cast<std::size_t>(contact_.link)];
+    double weights = 1.0;
+    Vector6 off = Vector6::Zero();
+    contact_.covariance = best.covariance;
     for (int k = 0; k < n; ++k) {
       const double below = score_[contact_.link] - score_[k];
-      if (!(below < possible)) continue;
+      if (k == contact_.link || !(below < possible)) continue;
       const Push& push = pushes_[static_cast<std::size_t>(k)];
-      const double weight = k == contact_.link ? 1.0 : std::exp(-below);
-      // The moment is that of the force at the point, which may be a little off.
-      Eigen::Matrix3d cross, force_cross;
-      cross << 0, -push.arm.z(), push.arm.y(), push.arm.z(), 0, -push.arm.x(), -push.arm.y(), push.arm.x(), 0;
-      force_cross << 0, -push.force.z(), push.force.y(), push.force.z(), 0, -push.force.x(), -push.force.y(),
-          push.force.x(), 0;
-      const Eigen::Matrix3d moved = cross * push.covariance;
-      Vector6 wrench;
-      wrench << push.force, push.arm.cross(push.force);
-      // Mean and second moment so far, by weight.
+      const double weight = std::exp(-below);
+      const Vector6 by = push.wrench - best.wrench, weighted = weight * by;
       weights += weight;
-      const double share = weight / weights;
-      const Vector6 off = wrench - contact_.wrench;
-      contact_.wrench += share * off;
-      Matrix6 C = (1.0 - share) * off * off.transpose();
-      C.template topLeftCorner<3, 3>() += push.covariance;
-      C.template bottomLeftCorner<3, 3>() += moved;
-      C.template topRightCorner<3, 3>() += moved.transpose();
-      C.template bottomRightCorner<3, 3>() +=
-          moved * cross.transpose() + size * size * force_cross * force_cross.transpose();
-      contact_.covariance += share * (C - contact_.covariance);
+      off += weighted;
+      contact_.covariance += weight * push.covariance;
+      contact_.covariance.noalias() += weighted * by.transpose();
     }
+    off *= 1.0 / weights;
+    contact_.wrench = best.wrench + off;
+    contact_.covariance *= 1.0 / weights;
+    contact_.covariance.noalias() -= off * off.transpose();
   }
 
   // Of a symmetric matrix given by its lower triangle; returns its determinant.
@@ -283,7 +299,8 @@ class ContactTest {
   }
 
   Vector score_, rest_, r_, z_, white_, certainty_;  // the last: 1 / sigma
-  Eigen::Matrix<double, 6, N> levers_;               // of the joints' sums, angular rows last
+  Eigen::Matrix<double, N, 6> levers_;               // of the joints' sums, angular ones last
+  Eigen::Matrix<double, N, 3> push_;
   std::conditional_t<N == Eigen::Dynamic, std::vector<Push>,
                      std::array<Push, N == Eigen::Dynamic ? 1 : static_cast<std::size_t>(N)>>
       pushes_;

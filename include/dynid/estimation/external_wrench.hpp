@@ -5,6 +5,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 #include "dynid/base/error.hpp"
 #include "dynid/dynamics/kinematics.hpp"
@@ -56,18 +58,25 @@ class ExternalWrench {
     jacobian(model, ws, q, frame_, jacobian_);
     for (int i = 0; i < n; ++i) jacobian_.col(i).template tail<3>() *= options_.length;
 
-    Matrix6 A = Matrix6::Zero();
+    // The lower triangle of J J^T, two columns at a time.
+    Matrix6 A;
+    each(
+        [&](auto pair) {
+          constexpr int c = 2 * decltype(pair)::value;
+          Eigen::Matrix<double, 6 - c, 1> one, two;
+          one.setZero(), two.setZero();
+          for (int i = 0; i < n; ++i) {
+            const auto j = jacobian_.col(i).template tail<6 - c>();
+            one += j[0] * j, two += j[1] * j;
+          }
+          A.col(c).template tail<6 - c>() = one, A.col(c + 1).template tail<6 - c>() = two;
+        },
+        std::make_integer_sequence<int, 3>());
     Vector6 b = Vector6::Zero();
-    for (int i = 0; i < n; ++i) {
-      const double* const j = jacobian_.data() + 6 * i;
-      for (int c = 0; c < 6; ++c) {
-        b[c] += j[c] * tau_ext.coeff(i);
-        for (int r = c; r < 6; ++r) A(r, c) += j[r] * j[c];
-      }
-    }
+    for (int i = 0; i < n; ++i) b += tau_ext.coeff(i) * jacobian_.col(i);
     // A trace's 1e-12 keeps the factor real at a singularity; it is far below any margin that is not flagged.
     const double floor = 1e-12 * A.trace() + 1e-300;
-    Matrix6 L;
+    Factor L;
     factor(A, floor, L);
     margin_ = 1.0 / std::sqrt(inverse_trace(L));
     near_singular_ = !(margin_ >= options_.singular_below);
@@ -108,45 +117,56 @@ class ExternalWrench {
  private:
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-  // Cholesky factor of A + shift 1; the diagonal of L holds its inverses.
-  static void factor(const Matrix6& A, double shift, Matrix6& L) noexcept {
-    for (int c = 0; c < 6; ++c) {
-      double pivot = A(c, c) + shift;
-      for (int k = 0; k < c; ++k) pivot -= L(c, k) * L(c, k);
-      const double inverse = 1.0 / std::sqrt(std::max(pivot, 0.5 * shift));
-      L(c, c) = inverse;
-      for (int r = c + 1; r < 6; ++r) {
-        double x = A(r, c);
-        for (int k = 0; k < c; ++k) x -= L(r, k) * L(c, k);
-        L(r, c) = x * inverse;
-      }
-    }
+  /// f(0), f(1), ... with constants, so that a loop of six is none.
+  template <class F, int... i>
+  [[gnu::always_inline]] static void each(const F& f, std::integer_sequence<int, i...>) noexcept {
+    (f(std::integral_constant<int, i>()), ...);
   }
-  // tr((L L^T)^-1) = |L^-1|^2.
-  static double inverse_trace(const Matrix6& L) noexcept {
+  using Six = std::make_integer_sequence<int, 6>;
+
+  /// A + shift 1 = L D L^T, L with 1 on its diagonal.
+  struct Factor {
+    double L[6][6], inverse[6];  // of D
+  };
+  static void factor(const Matrix6& A, double shift, Factor& out) noexcept {
+    double x[6][6];  // L D
+    each(
+        [&](auto column) {
+          constexpr int c = decltype(column)::value;
+          double pivot = A(c, c) + shift;
+          for (int k = 0; k < c; ++k) pivot -= x[c][k] * out.L[c][k];
+          out.inverse[c] = 1.0 / std::max(pivot, 0.5 * shift);
+          for (int r = c + 1; r < 6; ++r) {
+            x[r][c] = A(r, c);
+            for (int k = 0; k < c; ++k) x[r][c] -= x[r][k] * out.L[c][k];
+            out.L[r][c] = x[r][c] * out.inverse[c];
+          }
+        },
+        Six());
+  }
+  // tr((L D L^T)^-1), from the columns of L^-1.
+  static double inverse_trace(const Factor& in) noexcept {
     double sum = 0.0;
-    for (int c = 0; c < 6; ++c) {
-      double x[6];
-      x[c] = L(c, c);
-      sum += x[c] * x[c];
-      for (int r = c + 1; r < 6; ++r) {
-        double y = 0.0;
-        for (int k = c; k < r; ++k) y -= L(r, k) * x[k];
-        x[r] = y * L(r, r);
-        sum += x[r] * x[r];
-      }
-    }
+    each(
+        [&](auto column) {
+          constexpr int c = decltype(column)::value;
+          double x[6];
+          sum += in.inverse[c];
+          for (int r = c + 1; r < 6; ++r) {
+            x[r] = -in.L[r][c];
+            for (int k = c + 1; k < r; ++k) x[r] -= in.L[r][k] * x[k];
+            sum += x[r] * x[r] * in.inverse[r];
+          }
+        },
+        Six());
     return sum;
   }
-  static void solve(const Matrix6& L, Vector6& b) noexcept {
-    for (int r = 0; r < 6; ++r) {
-      for (int k = 0; k < r; ++k) b[r] -= L(r, k) * b[k];
-      b[r] *= L(r, r);
-    }
-    for (int r = 5; r >= 0; --r) {
-      for (int k = r + 1; k < 6; ++k) b[r] -= L(k, r) * b[k];
-      b[r] *= L(r, r);
-    }
+  static void solve(const Factor& in, Vector6& b) noexcept {
+    for (int r = 1; r < 6; ++r)
+      for (int k = 0; k < r; ++k) b[r] -= in.L[r][k] * b[k];
+    for (int r = 0; r < 6; ++r) b[r] *= in.inverse[r];
+    for (int r = 4; r >= 0; --r)
+      for (int k = r + 1; k < 6; ++k) b[r] -= in.L[k][r] * b[k];
   }
 
   Eigen::Matrix<double, 6, N> jacobian_;

@@ -106,6 +106,27 @@ template <class V, class E>
   return x;
 }
 
+#if defined(__GNUC__) && defined(__AVX__)
+/// Lane k of x, y and z is lane 0, 1 and 2 of the k-th.
+[[gnu::always_inline]] inline void transpose(const Lane& a, const Lane& b, const Lane& c, const Lane& d,
+                                             Lane& x, Lane& y, Lane& z) {
+#if defined(__clang__)
+  const Lane::Vector ab = __builtin_shufflevector(a.v, b.v, 0, 4, 2, 6),
+                     cd = __builtin_shufflevector(c.v, d.v, 0, 4, 2, 6);
+  x.v = __builtin_shufflevector(ab, cd, 0, 1, 4, 5), z.v = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  y.v = __builtin_shufflevector(__builtin_shufflevector(a.v, b.v, 1, 5, 3, 7),
+                                __builtin_shufflevector(c.v, d.v, 1, 5, 3, 7), 0, 1, 4, 5);
+#else
+  using Order = Lane::Bits;
+  const Lane::Vector ab = __builtin_shuffle(a.v, b.v, Order{0, 4, 2, 6}),
+                     cd = __builtin_shuffle(c.v, d.v, Order{0, 4, 2, 6});
+  x.v = __builtin_shuffle(ab, cd, Order{0, 1, 4, 5}), z.v = __builtin_shuffle(ab, cd, Order{2, 3, 6, 7});
+  y.v = __builtin_shuffle(__builtin_shuffle(a.v, b.v, Order{1, 5, 3, 7}),
+                          __builtin_shuffle(c.v, d.v, Order{1, 5, 3, 7}), Order{0, 1, 4, 5});
+#endif
+}
+#endif
+
 /// Lane k of the result is 1 where first + k == joint, else 0; `first <= joint < first + width`.
 template <class V, class E>
 [[gnu::always_inline]] inline V unit_lane(int first, int joint) {

@@ -73,24 +73,90 @@ template <class S, bool from_first = false, int N, class Q>
   }
 }
 
-/// Unit twists of the joints: rows row_w to row_v + 2. After place().
+/// Unit twists of the joints at `at`, placed: rows row_w to row_v + 2.
+template <class V, int N, class S>
+[[gnu::always_inline]] inline void place_twists(const Model<N>& model, Workspace<N, S>& ws, int at,
+                                                const Vector3<V>& z, const Vector3<V>& p) {
+  using E = ElementOf<S>;
+  const Rows3<E> rw(ws, row_w), rv(ws, row_v);
+  const Vector3<V> v = cross(p, z);
+  if (model.has_prismatic()) {
+    const V turn = load_constant<V, E>(model.revolute() + at), slide = V(1.0) - turn;
+    rw.set(at, Vector3<V>{V(z.x * turn), V(z.y * turn), V(z.z * turn)});
+    rv.set(at,
+           Vector3<V>{V(v.x * turn + z.x * slide), V(v.y * turn + z.y * slide), V(v.z * turn + z.z * slide)});
+  } else {
+    rw.set(at, z), rv.set(at, v);
+  }
+}
+/// Of all joints, after place().
 template <class V, int N, class S>
 [[gnu::always_inline]] inline void place_twists(const Model<N>& model, Workspace<N, S>& ws) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
   const int n = model.size();
-  const Rows3<E> rz(ws, row_z), rp(ws, row_p), rw(ws, row_w), rv(ws, row_v);
+  const Rows3<E> rz(ws, row_z), rp(ws, row_p);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);
-    const Vector3<V> z = rz.template get<V>(at), v = cross(rp.template get<V>(at), z);
-    if (model.has_prismatic()) {
-      const V turn = load_constant<V, E>(model.revolute() + at), slide = V(1.0) - turn;
-      rw.set(at, Vector3<V>{V(z.x * turn), V(z.y * turn), V(z.z * turn)});
-      rv.set(at, Vector3<V>{V(v.x * turn + z.x * slide), V(v.y * turn + z.y * slide),
-                            V(v.z * turn + z.z * slide)});
-    } else {
-      rw.set(at, z), rv.set(at, v);
+    place_twists<V>(model, ws, at, rz.template get<V>(at), rp.template get<V>(at));
+  }
+}
+
+/// Axes and origins of a group of joints, as place() gives them.
+template <class V>
+struct Placed {
+  Vector3<V> x, y, z, p;
+};
+
+/// Calls f(g, at, Placed<V>) for every group of joints, base to tip; in internal frame 0 or, with
+/// `from_first`, in that of the first joint. Nothing is left in the workspace but rows row_c and row_s.
+template <class S, bool from_first, class V, int N, class Q, class F>
+[[gnu::always_inline]] inline void placed_groups(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
+                                                 int pass, const F& f) {
+  using E = ElementOf<S>;
+  constexpr int lanes = width<V, E>;
+  const int n = model.size();
+#if defined(__GNUC__) && defined(__AVX__)
+  if constexpr (std::is_same_v<E, double> && lanes == 4) {
+    // A register holds an axis; what is stored joint by joint would be loaded by groups too early.
+    E *const c = ws.row(row_c), *const s = ws.row(row_s);
+    joint_rotations<S>(model, q, pass, c, s);
+    using Vector = typename V::Vector;
+    V x(Vector{1, 0, 0, 0}), y(Vector{0, 1, 0, 0}), z(Vector{0, 0, 1, 0}), p(Vector{});
+    V xs[4], ys[4], zs[4], ps[4];  // of the last four joints
+    for (int i = 0, g = 0; i < n; ++i) {
+      if (!from_first || i > 0) {
+        const JointFrame& frame = model.frame(i);
+        const V ca(frame.ca), sa(frame.sa), cosine(c[i]), sine(s[i]);
+        p = p + x * V(frame.px) + y * V(frame.py) + z * V(frame.pz);
+        const V turned = y * ca + z * sa;
+        z = z * ca - y * sa;
+        y = turned * cosine - x * sine;
+        x = x * cosine + turned * sine;
+        if (model.has_prismatic()) p = p + z * V(coefficient<S>(q, i, pass) * (1.0 - frame.revolute));
+      }
+      const int slot = i % 4;
+      xs[slot] = x, ys[slot] = y, zs[slot] = z, ps[slot] = p;
+      const int at = first_of_group<lanes>(g, n);
+      if (i != at + 3) continue;
+      const int k0 = at % 4, k1 = (at + 1) % 4, k2 = (at + 2) % 4, k3 = slot;
+      Placed<V> group;
+      transpose(xs[k0], xs[k1], xs[k2], xs[k3], group.x.x, group.x.y, group.x.z);
+      transpose(ys[k0], ys[k1], ys[k2], ys[k3], group.y.x, group.y.y, group.y.z);
+      transpose(zs[k0], zs[k1], zs[k2], zs[k3], group.z.x, group.z.y, group.z.z);
+      transpose(ps[k0], ps[k1], ps[k2], ps[k3], group.p.x, group.p.y, group.p.z);
+      f(g++, at, group);
     }
+    return;
+  }
+#endif
+  place<S, from_first>(model, ws, q, pass);
+  const Rows3<E> rx(ws, row_x), ry(ws, row_y), rz(ws, row_z), rp(ws, row_p);
+  for (int g = 0; g * lanes < n; ++g) {
+    const int at = first_of_group<lanes>(g, n);
+    f(g, at,
+      Placed<V>{rx.template get<V>(at), ry.template get<V>(at), rz.template get<V>(at),
+                rp.template get<V>(at)});
   }
 }
 
@@ -102,13 +168,12 @@ struct Moments {
   V xx, xy, yy, xz, yz, zz;
 };
 
-/// Reduced moments of the links at `at`, placed. After place(). Without prismatic joints the mass is nil.
-template <bool prismatic, class V, int N, class S>
-[[gnu::always_inline]] inline Moments<V> placed_moments(const Model<N>& model, Workspace<N, S>& ws, int at) {
-  using E = ElementOf<S>;
+/// Reduced moments of the links at `at`, placed. Without prismatic joints the mass is nil.
+template <bool prismatic, class V, class E, int N>
+[[gnu::always_inline]] inline Moments<V> placed_moments(const Model<N>& model, int at,
+                                                        const Placed<V>& placed) {
   const auto constant = [&](int k) { return load_constant<V, E>(model.reduced_row(k) + at); };
-  const Vector3<V> x = Rows3<E>(ws, row_x).template get<V>(at), y = Rows3<E>(ws, row_y).template get<V>(at),
-                   z = Rows3<E>(ws, row_z).template get<V>(at), p = Rows3<E>(ws, row_p).template get<V>(at);
+  const Vector3<V>&x = placed.x, &y = placed.y, &z = placed.z, &p = placed.p;
   const V hx = constant(1), hy = constant(2);
   const V xx = constant(4), xy = constant(5), yy = constant(6), xz = constant(7), yz = constant(8);
   Moments<V> r;
@@ -140,6 +205,16 @@ template <bool prismatic, class V, int N, class S>
   r.yz = entry(t1.y, t2.y, t3.y, x.z, y.z, z.z, p.y, p.z, h.y, r.h.z);
   r.zz = entry(t1.z, t2.z, t3.z, x.z, y.z, z.z, p.z, p.z, h.z, r.h.z);
   return r;
+}
+
+/// The same after place().
+template <bool prismatic, class V, int N, class S>
+[[gnu::always_inline]] inline Moments<V> placed_moments(const Model<N>& model, Workspace<N, S>& ws, int at) {
+  using E = ElementOf<S>;
+  return placed_moments<prismatic, V, E>(
+      model, at,
+      Placed<V>{Rows3<E>(ws, row_x).template get<V>(at), Rows3<E>(ws, row_y).template get<V>(at),
+                Rows3<E>(ws, row_z).template get<V>(at), Rows3<E>(ws, row_p).template get<V>(at)});
 }
 
 /// Rows first ... first + count - 1 become, joint by joint, their sums over the links from that joint on.

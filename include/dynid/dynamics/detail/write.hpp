@@ -21,6 +21,19 @@ template <class S, class V, class Out>
   }
 }
 
+/// out(row, column + k) = lane k of x for those columns that are below `end`.
+template <class S, class V, class Out>
+[[gnu::always_inline]] inline void write_columns(Out& out, int row, int column, int end, int pass,
+                                                 const V& x) {
+  using E = ElementOf<S>;
+  for (int k = 0; k < width<V, E> && column + k < end; ++k) {
+    if constexpr (std::is_same_v<V, E>)
+      Element<S>::put(out.coeffRef(row, column), pass, x);
+    else
+      out.coeffRef(row, column + k) = x[k];
+  }
+}
+
 /// A square matrix of elements in the workspace's last rows.
 template <class E>
 struct ElementMatrix {
