@@ -6,7 +6,7 @@
 namespace dynid {
 namespace {
 
-Effect effect_of(const nlohmann::json& e) {
+Effect bank_effect(const nlohmann::json& e) {
   Effect out;
   out.name = e.at("name");
   out.joints = e.at("joints").get<std::vector<int>>();
@@ -14,23 +14,23 @@ Effect effect_of(const nlohmann::json& e) {
   return out;
 }
 
-Eigen::VectorXd vector_of(const nlohmann::json& x) {
+Eigen::VectorXd bank_vector(const nlohmann::json& x) {
   const auto values = x.get<std::vector<double>>();
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
 FoundEffect found_of(const nlohmann::json& e) {
   FoundEffect out;
-  out.effect = effect_of(e);
+  out.effect = bank_effect(e);
   out.probability = e.at("probability");
   out.aliases = e.at("aliases").get<std::vector<std::string>>();
   const EffectSchema& schema = effect_schema(out.effect.name);
   for (const auto& [key, interval] : e.at("intervals").items()) {
     ParameterEstimate p;
     p.key = key;
-    p.value = vector_of(e.at("parameters").at(key));
-    p.low = vector_of(interval.at("low"));
-    p.high = vector_of(interval.at("high"));
+    p.value = bank_vector(e.at("parameters").at(key));
+    p.low = bank_vector(interval.at("low"));
+    p.high = bank_vector(interval.at("high"));
     p.per_joint = schema.parameter(key).per_joint;
     if (p.low.size() != p.value.size() || p.high.size() != p.value.size())
       throw Error("an interval of " + out.effect.name + "." + key + " is not as long as its value");
@@ -51,7 +51,7 @@ ConsideredEffect considered_of(const nlohmann::json& e) {
 
 BlindCase case_of(const nlohmann::json& c) {
   BlindCase out;
-  for (const nlohmann::json& e : c.at("truth")) out.truth.push_back(effect_of(e));
+  for (const nlohmann::json& e : c.at("truth")) out.truth.push_back(bank_effect(e));
   for (const nlohmann::json& e : c.at("found")) out.found.push_back(found_of(e));
   for (const nlohmann::json& e : c.at("considered")) out.considered.push_back(considered_of(e));
   out.background = c.at("background").get<std::vector<std::string>>();
