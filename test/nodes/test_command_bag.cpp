@@ -157,16 +157,19 @@ AnyMessage as_it_comes(const Message& message) {
 TEST_F(CommandBag, OfARecording) {
   for (const bool stamps : {true, false}) {
     CommandRecording commands;
-    std_msgs::Float64MultiArray m;
-    m.data = {7.0, 7.0};
-    commands.add(as_it_comes(m), ros::Time(0.5));  // before it runs
+    const auto array = [](double pan, double lift) {
+      std_msgs::Float64MultiArray m;
+      m.data.push_back(pan);
+      m.data.push_back(lift);
+      return as_it_comes(m);
+    };
+    commands.add(array(7.0, 7.0), ros::Time(0.5));  // before it runs
     commands.start();
     std::vector<sensor_msgs::JointState> states;
     std::vector<ros::Time> arrivals;
     for (int i = 0; i < rows; ++i) {
       const double t = i * period;
-      m.data = {command(0, t), command(1, t)};
-      if (i >= 30) commands.add(as_it_comes(m), ros::Time(1.0 + t - 0.005));
+      if (i >= 30) commands.add(array(command(0, t), command(1, t)), ros::Time(1.0 + t - 0.005));
       sensor_msgs::JointState state;
       if (stamps) state.header.stamp = ros::Time(100.0 + t);  // of another clock
       state.name = {"pan", "lift"};
