@@ -178,7 +178,7 @@ TEST_F(CommandBag, OfARecording) {
       arrivals.emplace_back(1.0 + t);
     }
     commands.stop();
-    commands.add(as_it_comes(m), ros::Time(50.0));
+    commands.add(array(7.0, 7.0), ros::Time(50.0));
     EXPECT_EQ(commands.summary().messages, std::size_t(rows - 30));
     EXPECT_EQ(commands.summary().dropped, 0u);
     write_servo_bag(path_, states, arrivals, "/joint_states", commands.messages(), "/arm/command",
