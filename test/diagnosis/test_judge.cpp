@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/energy.hpp"
 #include "dynid/diagnosis/diagnose.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/identification/predict.hpp"
@@ -123,6 +124,19 @@ TEST(Judge, WhatIsNotToldApartIsNamedTogether) {
 }
 
 // A gap too small to matter is no gap, from one log too, whatever the colour of its noise.
+// A joint that is quieter than its floor does not make up for the gap of another.
+TEST(Judge, AGapOfOneJointIsOne) {
+  const Eigen::VectorXd floor = Eigen::VectorXd::Ones(4);
+  Eigen::MatrixXd before = Eigen::MatrixXd::Constant(50, 4, 0.1);
+  before.col(0).setConstant(1.5);
+  Eigen::MatrixXd after = before;
+  EXPECT_NEAR(detail::shrink_fraction(before, after, floor), 0.0, 1e-12);
+  after.col(0).setConstant(0.1);
+  EXPECT_NEAR(detail::shrink_fraction(before, after, floor), 1.0, 1e-12);
+  after.col(1).setConstant(1.5);  // the same, elsewhere
+  EXPECT_NEAR(detail::shrink_fraction(before, after, floor), 0.0, 1e-12);
+}
+
 TEST(Judge, OneHealthyLogHasNoGap) {
   const Robot robot = panda();
   const Diagnosis d = told(robot, {recorded(robot, {}, 2, 16.0, true)});
