@@ -113,8 +113,11 @@ class Judge {
         for (const int j : e.h->joints(choice_.rows.motions().front().robot(), u.unit))
           here.joints.push_back(j);
       out.considered.push_back(std::move(here));
-      if (all.together[k] < criteria_.least_probability) {
-        out.judgement.push_back({"least_probability", all.together[k], criteria_.least_probability, false,
+      // A hundredth of the gap is as little as a gap within the tolerance: it has to be as sure.
+      const double least = out.shares[k] < criteria_.least_share ? criteria_.least_probability_within
+                                                                 : criteria_.least_probability;
+      if (all.together[k] < least) {
+        out.judgement.push_back({"least_probability", all.together[k], least, false,
                                  "probability of " + e.h->name() + ", which is therefore not named"});
         continue;
       }
