@@ -8,8 +8,8 @@
 namespace dynid::detail {
 namespace {
 
-constexpr std::size_t reshaped_first = 4;
-constexpr std::size_t spare_refined = 4;  // beyond as many as are fitted jointly: a grid is coarse
+constexpr std::size_t reshaped_first = 4;  // what comes after these does not become the best by its shape
+constexpr std::size_t spare_refined = 4;   // beyond as many as are fitted jointly: a grid is coarse
 
 /// Rows in which no window of the effects acts; all, where they leave too few.
 std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector<Adopted>& effects) {

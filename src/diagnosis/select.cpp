@@ -13,8 +13,8 @@
 namespace dynid::detail {
 namespace {
 
-constexpr int most_passes = 2;  // of the search with a delay that is known
-constexpr std::size_t other_beginnings = 4;
+constexpr int most_passes = 2;               // of the search with a delay that is known
+constexpr std::size_t other_beginnings = 4;  // each costs a whole search
 constexpr Eigen::Index least_rows = 40, least_held = 10;
 
 /// Several channels late by times of their own may all be late by one.
