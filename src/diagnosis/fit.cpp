@@ -224,16 +224,23 @@ Assembled added(const GapRows& rows, const std::vector<Term>& more) {
 
 }  // namespace
 
-Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
-                              const std::vector<ChannelNoise>& noise, double kappa) {
+Eigen::MatrixXd information_of(const GapRows& rows, const std::vector<Term>& terms,
+                               const std::vector<ChannelNoise>& noise, double kappa) {
   const Assembled all = assemble(rows, rows.y, terms);
-  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size), covariance;
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(all.size, all.size);
   for (int j = 0; j < rows.joints(); ++j) {
     const auto at = static_cast<std::size_t>(j);
     G(all.where[at], all.where[at]) +=
         normal_equations(seen(rows, all.y.col(j), all.columns[at], whitener(rows, j, noise[at], kappa))).G;
   }
-  solve(G, Eigen::VectorXd::Zero(all.size), &covariance);
+  return G;
+}
+
+Eigen::MatrixXd covariance_of(const GapRows& rows, const std::vector<Term>& terms,
+                              const std::vector<ChannelNoise>& noise, double kappa) {
+  const Eigen::MatrixXd G = information_of(rows, terms, noise, kappa);
+  Eigen::MatrixXd covariance;
+  solve(G, Eigen::VectorXd::Zero(G.rows()), &covariance);
   return covariance;
 }
 

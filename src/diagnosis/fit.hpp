@@ -108,6 +108,11 @@ SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
 /// last.
 Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term>& more, double kappa);
 
+/// Information (inverse covariance, where there is one) of the coefficients of those terms that are not
+/// fixed, beside the nominal model's errors, in the noise that a fit has left (of each joint).
+Eigen::MatrixXd information_of(const GapRows& rows, const std::vector<Term>& terms,
+                               const std::vector<ChannelNoise>& noise, double kappa);
+
 /// Covariance of the coefficients of those terms that are not fixed, beside the nominal model's errors, in
 /// the noise that a fit has left (of each joint): what the fit's own last step took for noise may be far
 /// larger.

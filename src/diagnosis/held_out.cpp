@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "held_out.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -55,10 +56,34 @@ std::vector<double> blocks_of(const GapRows& rows, double seconds) {
   return out;
 }
 
-GapModel fitted_on(const GapRows& rows, const GapModel& model) {
+/// The model fitted on a part of the rows that it was fitted on. A part may not show all of it (a joint that
+/// sticks there has nothing to say): where it does not, what is known before is that each unit is about as
+/// large, as the whole sees it, as it was found there.
+GapModel fitted_on(const GapRows& rows, const GapRows& whole, const GapModel& model) {
   GapModel part = model;
   part.effects = carried(rows, model.effects);
   part.fit = fit_of(rows, part.effects, model.kappa);
+  if (part.fit.theta.size() == 0) return part;
+  const auto information = [&](const GapRows& of, const std::vector<Adopted>& effects) {
+    return information_of(of, terms_of(effects), model.fit.noise, model.kappa);
+  };
+  const Eigen::MatrixXd here = information(rows, part.effects),
+                        all = information(whole, carried(whole, model.effects));
+  Eigen::MatrixXd sum = here;
+  Eigen::Index at = 0;
+  for (const Adopted& e : model.effects)
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      const auto own = all.block(at, at, p, p);
+      const Eigen::VectorXd theta = model.fit.theta.segment(at, p);
+      sum.block(at, at, p, p) += own * (double(p) / std::max(theta.dot(own * theta), double(p)));
+      at += p;
+    }
+  const Eigen::VectorXd seen = here * part.fit.theta;
+  const Eigen::VectorXd scale = (sum.diagonal().array() + 1e-300).sqrt().inverse();
+  part.fit.theta =
+      scale.asDiagonal() *
+      Eigen::MatrixXd(scale.asDiagonal() * sum * scale.asDiagonal()).ldlt().solve(scale.asDiagonal() * seen);
   return part;
 }
 
@@ -75,7 +100,7 @@ bool shows(const Eigen::MatrixXd& there, const Eigen::MatrixXd& found, const Eig
 }
 
 GapModel fitted_within(const GapRows& rows, const GapModel& model) {
-  return fitted_on(GapRows(rows, alternate(rows, true, within_length(rows), 1)), model);
+  return fitted_on(GapRows(rows, alternate(rows, true, within_length(rows), 1)), rows, model);
 }
 
 namespace {
@@ -93,7 +118,7 @@ Within judged_by_halves(const GapRows& rows, const GapModel& model, bool nominal
   for (const bool fits : {true, false}) {
     const GapRows fitting(rows, alternate(rows, fits, length, 1)),
         judging(rows, alternate(rows, !fits, length, 1));
-    const GapModel part = fitted_on(fitting, model);
+    const GapModel part = fitted_on(fitting, rows, model);
     const Eigen::MatrixXd left = judging.y - contribution(judging, part, part.fit.theta);
     const Eigen::Index first = out.before.rows();
     out.before.conservativeResize(first + judging.size(), Eigen::NoChange);

@@ -339,6 +339,56 @@ TEST(Diagnose, ABriefContactOfALogAloneIsFoundWhereverItBegins) {
   }
 }
 
+// A part of a contact in which joints stick shows a part of its force: the rest of it is not judged by that.
+TEST(Diagnose, AContactWhileJointsStickIsJudgedByWhatItShows) {
+  Robot robot = panda();
+  for (Joint& joint : robot.joints) {
+    joint.friction = {};
+    joint.friction.linear.coulomb = 3.0;
+    joint.friction.linear.velocity_scale = 0.01;
+  }
+  constexpr double rate = 250.0, duration = 24.0, wakes = 12.0;
+  for (const double start : {10.3, 10.4, 10.5}) {
+    SCOPED_TRACE(start);
+    std::vector<Log> logs;
+    for (const unsigned seed : {1U, 2U}) {
+      std::mt19937_64 random(seed);
+      std::normal_distribution<double> normal;
+      Log log;
+      log.source = "turning joints wait";
+      const auto samples = static_cast<Eigen::Index>(duration * rate);
+      log.t = Eigen::VectorXd::LinSpaced(samples, 0.0, double(samples - 1) / rate);
+      log.q = log.dq = log.tau = Eigen::MatrixXd::Zero(samples, 7);
+      for (int j = 0; j < 7; ++j) {
+        const double speed = 0.9 + 0.13 * j, size = 0.5, phase = 0.7 * j + seed;
+        for (Eigen::Index i = 0; i < samples; ++i) {
+          const double since = log.t[i] - wakes;
+          const bool turns = j % 2 == 0;  // an axis in the plane that the others swing in
+          const double at = turns ? std::max(0.0, since) : log.t[i] + phase;
+          log.q(i, j) =
+              (j == 3 ? -1.6 : 0.0) + size * (turns ? 1.0 - std::cos(speed * at) : std::sin(speed * at));
+          log.dq(i, j) = size * speed * (turns ? std::sin(speed * at) : std::cos(speed * at));
+        }
+      }
+      log.tau = predict_torque(robot, log, 20.0).tau;
+      if (seed == 1U) {
+        Robot pushed = robot;
+        pushed.effects = {parse_effect(
+            "external_contact:link=6,force=15:20:-15,duration=1.5,start=" + std::to_string(start), robot)};
+        log.tau += predict_effects(pushed, log, 20.0);
+      }
+      for (double& x : log.tau.reshaped()) x += 0.05 * normal(random);
+      for (double& x : log.dq.reshaped()) x += 0.002 * normal(random);
+      logs.push_back(log);
+    }
+    const Diagnosis d = diagnose(robot, logs);
+    EXPECT_EQ(d.verdict, Verdict::explained);
+    ASSERT_EQ(d.effects.size(), 1U);
+    EXPECT_EQ(d.effects[0].effect.name, "external_contact");
+    EXPECT_GT(d.shrink.fraction, 0.9);
+  }
+}
+
 TEST(Diagnose, ContactActsOnAPointOfItsLink) {
   const Robot robot = panda();
   const Diagnosis d = diagnose(
