@@ -217,7 +217,13 @@ std::unique_ptr<Choice> select(GapRows& everything, const Split& split,
   if (split.several && !split.alone && chosen->left_in_held(options.tolerance)) {
     // So is what the last log alone has beside the effects of all.
     auto other = std::make_unique<Choice>(everything, split.swapped(), library, options, say);
-    if (has_window(other->model)) chosen = std::move(other);
+    if (has_window(other->model)) {
+      chosen = std::move(other);
+    } else if (!other->model.effects.empty() && !other->leaves_gap(options.tolerance)) {
+      // It shows more of what all logs have: a limit that the others hardly meet.
+      other->split.alone = false;
+      chosen = std::move(other);
+    }
   }
   seek_with_delay(everything, chosen, library, options, say);
   return chosen;

@@ -27,11 +27,13 @@ class Choice {
 
   /// What was chosen leaves a gap in the rows that judge, and none where it was chosen.
   bool left_in_held(double tolerance) const;
+  /// What was chosen leaves a gap, where it was chosen or where it is judged.
+  bool leaves_gap(double tolerance) const;
   /// Channels are late by what shows, and that is not all that there is.
   bool lateness_matters() const;
   const Criteria& criteria() const { return search.criteria(); }
 
-  const Split split;
+  Split split;
   const GapRows rows, held;
   const Search search;
   GapModel model;
@@ -44,8 +46,6 @@ class Choice {
   /// When something began, how fast, and when it ended is not predicted but seen: that of windows becomes
   /// what all rows fit best, since in a log alone it may lie in what is kept to judge.
   void settle_windows(const GapRows& everything);
-  /// What was chosen leaves a gap, where it was chosen or where it is judged.
-  bool leaves_gap(double tolerance) const;
   /// Grows sets from other first effects: one step after the other leads to where the first one led. Whether
   /// one is better; it is then the choice.
   bool begun_elsewhere(int most);

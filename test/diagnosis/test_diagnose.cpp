@@ -472,6 +472,28 @@ TEST(Diagnose, WhatTheLastLogAloneHasIsFound) {
     EXPECT_TRUE(!d.series.held_out[i] || d.series.log[i] == 1);
 }
 
+// What one log shows more of than the others is fitted there, whichever it is.
+TEST(Diagnose, ALimitThatOneLogHardlyMeetsIsFound) {
+  const Robot robot = panda();
+  const std::vector<Log> healthy = recorded(robot, {}, 31);
+  const auto most = [&](std::size_t log, int joint) {
+    return healthy[log].tau.col(joint - 1).cwiseAbs().maxCoeff();
+  };
+  const std::size_t quiet = most(0, 2) < most(1, 2) ? 0 : 1;
+  const double second = 0.99 * most(quiet, 2), fourth = 0.8 * std::min(most(0, 4), most(1, 4));
+  const std::vector<Log> logs = recorded(
+      robot, {"torque_saturation:joints=2+4,limit=" + std::to_string(second) + ":" + std::to_string(fourth)},
+      31);
+  for (const std::size_t first : {quiet, 1 - quiet}) {
+    const Diagnosis d = diagnose(robot, {logs[first], logs[1 - first]});
+    EXPECT_EQ(d.verdict, Verdict::explained) << first;
+    ASSERT_EQ(d.effects.size(), 1U) << first;
+    EXPECT_EQ(d.effects[0].effect.name, "torque_saturation");
+    EXPECT_NEAR(value(d.effects[0], "limit", 1), second, 0.02 * second);
+    EXPECT_NEAR(value(d.effects[0], "limit", 3), fourth, 0.02 * fourth);
+  }
+}
+
 TEST(Diagnose, NoGapHasNoEffect) {
   const Robot robot = panda();
   const Diagnosis d = diagnose(robot, recorded(robot, {}, 77));
