@@ -494,6 +494,17 @@ TEST(Diagnose, ALimitThatOneLogHardlyMeetsIsFound) {
   }
 }
 
+// Up to where a zero is another reading of the log: 0.2 rad is 11 degrees.
+TEST(Diagnose, ALargeEncoderOffsetIsNamed) {
+  const Robot robot = panda();
+  const Diagnosis d = diagnose(robot, recorded(robot, {"encoder_offset:joints=2+4,offset=-0.2:0.07"}, 33));
+  ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict);
+  EXPECT_EQ(d.effects[0].effect.name, "encoder_offset");
+  EXPECT_NEAR(value(d.effects[0], "offset", 1), -0.2, 0.02);
+  EXPECT_NEAR(value(d.effects[0], "offset", 3), 0.07, 0.02);
+  EXPECT_GT(d.shrink.fraction, 0.9);
+}
+
 TEST(Diagnose, NoGapHasNoEffect) {
   const Robot robot = panda();
   const Diagnosis d = diagnose(robot, recorded(robot, {}, 77));

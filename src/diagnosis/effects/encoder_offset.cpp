@@ -7,7 +7,9 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double largest = 0.15;  // [rad]: a tooth, not a turn
+// [rad] 20 deg, up to where the columns of the encoder's own zero will do: to first order, a sixth is
+// missing.
+constexpr double largest = 0.35;
 
 class EncoderOffset : public OwnTorque {
  public:
@@ -16,8 +18,10 @@ class EncoderOffset : public OwnTorque {
     return all_channels({motion.shifted(unit, Eigen::VectorXd::Ones(motion.samples()))});
   }
 
-  bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
-    return std::abs(c[0]) < largest;
+  bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd&) const override {
+    const JointScale& scale = ranges[static_cast<std::size_t>(unit)].scale;
+    return std::abs(c[0]) < (scale.type == JointType::prismatic ? scale.travel : largest);
   }
 
  protected:
