@@ -41,7 +41,7 @@ class ServoDiagnosis {
     std::vector<DataIssue> issues;
     check_servo_logs(logs_, nominal_, issues);
     describe_servo_logs(nominal_, logs_, issues, d_);
-    judging_ = judging_rows(logs_);
+    judging_ = judging_rows(logs_, false);
     const bool body = std::any_of(nominal_.joints.begin(), nominal_.joints.end(),
                                   [](const Joint& j) { return j.servo->kp > 0.0; });
     series_ = servo_series(logs_, body ? std::optional<Robot>(nominal_) : std::nullopt);
@@ -53,6 +53,7 @@ class ServoDiagnosis {
       std::vector<ServoProblemOfJoint> problems;
       for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
       measure_servo_gap(logs_, before_, problems, d_);
+      spread_judging();
       suspect();
       if (d_.p_value <= options_.criteria.detection ||
           std::count(suspected_.begin(), suspected_.end(), 1) > 0)
@@ -80,6 +81,17 @@ class ServoDiagnosis {
 
   void say(const std::string& stage, double fraction) const {
     if (options_.progress) options_.progress(stage, fraction);
+  }
+
+  /// A log that judges and does not show any joint's gap can bear nothing out, and one that alone shows it
+  /// leaves nothing to fit: then parts of every log judge, where these do better.
+  void spread_judging() {
+    const double detection = options_.criteria.detection;
+    if (logs_.size() < 2 || gap_shows_on_both(before_, judging_, d_, detection)) return;
+    const std::vector<std::vector<char>> parts = judging_rows(logs_, true);
+    if (!gap_shows_on_both(before_, parts, d_, detection)) return;
+    judging_ = parts;
+    for (std::size_t j = 0; j < answers_.size(); ++j) answers_[j].problem = whole(static_cast<int>(j));
   }
 
   /// The joint's motion differs by more than noise and tolerance make: of as many joints one soon does.

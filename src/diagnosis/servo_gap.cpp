@@ -12,7 +12,13 @@ namespace {
 
 constexpr int parts_of_a_log = 6, windows_of_a_log = 4;
 
-double chance_beyond(double z_squared) { return std::erfc(std::sqrt(std::max(0.0, z_squared) / 2.0)); }
+/// Chance that a model within the tolerance, of a few independent ways to be off, makes an error of mean
+/// square `energy`; noise has its own spread, of the samples there are.
+double chance_of(double energy, double tolerance, double floor, double samples) {
+  const double beyond = energy - floor * floor,
+               allowed = tolerance * tolerance + floor * floor * (1.645 * std::sqrt(2.0 / samples));
+  return beyond > 0.0 ? std::erfc(std::sqrt(beyond / allowed / 2.0)) : 1.0;
+}
 
 Eigen::VectorXd speeds(const Log& log, int joint) {
   Eigen::VectorXd v = Eigen::VectorXd::Zero(log.samples());
@@ -24,12 +30,13 @@ Eigen::VectorXd speeds(const Log& log, int joint) {
 
 }  // namespace
 
-std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs) {
+std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs, bool spread) {
   std::vector<std::vector<char>> out;
   for (std::size_t l = 0; l < logs.size(); ++l) {
     const auto n = static_cast<std::size_t>(logs[l].samples());
-    std::vector<char> rows(n, logs.size() > 1 && l + 1 == logs.size() ? 1 : 0);
-    if (logs.size() == 1)
+    const bool parts = spread || logs.size() == 1;
+    std::vector<char> rows(n, !parts && l + 1 == logs.size() ? 1 : 0);
+    if (parts)
       for (std::size_t i = 0; i < n; ++i) rows[i] = (i * parts_of_a_log / n) % 3 == 2 ? 1 : 0;
     out.push_back(std::move(rows));
   }
@@ -105,6 +112,11 @@ ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::ve
   std::size_t fitting = 0;
   for (const std::vector<char>& rows : judging)
     if (std::find(rows.begin(), rows.end(), 0) != rows.end()) ++fitting;
+  // Halves are logs where whole logs fit, else halves of each.
+  const bool whole_logs =
+      fitting > 1 && std::any_of(judging.begin(), judging.end(), [](const std::vector<char>& rows) {
+        return std::find(rows.begin(), rows.end(), 0) == rows.end();
+      });
   std::size_t seen = 0;
   for (std::size_t l = 0; l < series.size(); ++l) {
     const ServoSeries& s = series[l];
@@ -123,8 +135,8 @@ ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::ve
       for (Eigen::Index i = 0; i < length; ++i) {
         const auto at = static_cast<std::size_t>(first + i);
         rows.fit.push_back(i >= settling && judging[l][at] == 0 ? 1 : 0);
-        rows.half.push_back(fitting > 1 ? static_cast<char>(seen % 2)
-                                        : static_cast<char>(2 * at / static_cast<std::size_t>(size)));
+        rows.half.push_back(whole_logs ? static_cast<char>(seen % 2)
+                                       : static_cast<char>(2 * at / static_cast<std::size_t>(size)));
       }
       out.rows.push_back(std::move(rows));
     }
@@ -154,13 +166,9 @@ void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::Ma
     d.tolerance[j] = tolerated_motion(joint);
     d.upper[j] = std::sqrt(std::max(0.0, d.rms[j] * d.rms[j] - d.floor[j] * d.floor[j])) *
                  (1.0 + 1.645 / std::sqrt(2.0 * samples));
-    const double beyond = d.rms[j] * d.rms[j] - d.floor[j] * d.floor[j];
-    // A few independent ways for the nominal to be off; noise has its own spread, of the samples there are.
-    const double allowed =
-        d.tolerance[j] * d.tolerance[j] + d.floor[j] * d.floor[j] * (1.645 * std::sqrt(2.0 / samples));
     // A joint that was never asked to move may stick anywhere within its friction.
-    p[static_cast<std::size_t>(j)] =
-        beyond > 0.0 && joint.scale.moves ? chance_beyond(beyond / allowed) : 1.0;
+    if (joint.scale.moves)
+      p[static_cast<std::size_t>(j)] = chance_of(energy / double(count), d.tolerance[j], d.floor[j], samples);
     d.p_value = std::min(d.p_value, p[static_cast<std::size_t>(j)] * double(n));
     whole += energy / (d.floor[j] * d.floor[j]);
   }
@@ -187,6 +195,29 @@ void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::Ma
       d.where.push_back({static_cast<int>(j) + 1, names[k], whole > 0.0 ? cells[k] / whole : 0.0,
                          p[static_cast<std::size_t>(j)]});
   }
+}
+
+bool gap_shows_on_both(const std::vector<Eigen::MatrixXd>& before,
+                       const std::vector<std::vector<char>>& judging, const Diagnosis& d, double detection) {
+  const Eigen::Index n = d.rms.size();
+  const auto shows = [&](Eigen::Index j, bool judges) {
+    double energy = 0.0, samples = 0.0;
+    Eigen::Index count = 0;
+    for (std::size_t l = 0; l < before.size(); ++l) {
+      Eigen::Index here = 0;
+      for (Eigen::Index i = 0; i < before[l].rows(); ++i)
+        if ((judging[l][static_cast<std::size_t>(i)] != 0) == judges)
+          energy += before[l](i, j) * before[l](i, j), ++here;
+      if (here > 0)
+        samples += independent_samples(before[l].col(j)) * double(here) / double(before[l].rows());
+      count += here;
+    }
+    return count > 0 &&
+           chance_of(energy / double(count), d.tolerance[j], d.floor[j], samples) * double(n) <= detection;
+  };
+  for (Eigen::Index j = 0; j < n; ++j)
+    if (shows(j, false) && shows(j, true)) return true;
+  return false;
 }
 
 }  // namespace dynid::detail

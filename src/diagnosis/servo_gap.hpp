@@ -8,9 +8,9 @@
 
 namespace dynid::detail {
 
-/// Which rows of each log judge and choose nothing: the last of several logs, or the last third of each half
-/// of one.
-std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs);
+/// Which rows of each log judge and choose nothing: the last of several logs, or, `spread`, the last third of
+/// each half of each log; so of a log alone.
+std::vector<std::vector<char>> judging_rows(const std::vector<Log>& logs, bool spread);
 
 /// Standard deviation of a joint's measured position [rad or m]: of rounding to the encoder's step, or of
 /// what does not follow from sample to sample; 0 where neither command nor position ever moves.
@@ -28,5 +28,10 @@ ServoProblemOfJoint joint_problem(const Robot& nominal, int joint, const std::ve
 /// log (N x n).
 void measure_servo_gap(const std::vector<Log>& logs, const std::vector<Eigen::MatrixXd>& before,
                        const std::vector<ServoProblemOfJoint>& joints, Diagnosis& d);
+
+/// A joint has a gap (measure_servo_gap() is done) in the rows that fit and in those that judge, each by
+/// itself: else what is found in the ones can say nothing of the others.
+bool gap_shows_on_both(const std::vector<Eigen::MatrixXd>& before,
+                       const std::vector<std::vector<char>>& judging, const Diagnosis& d, double detection);
 
 }  // namespace dynid::detail

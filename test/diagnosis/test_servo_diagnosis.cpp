@@ -60,9 +60,10 @@ Robot servo_arm() {
   return robot;
 }
 
-/// Commands of a random motion, and the motion that `robot` makes of them, in much finer steps than are
-/// fitted, on an encoder of steps of 0.4 mrad.
-Log recorded(const Robot& robot, unsigned seed, double duration, const std::vector<int>& at_rest = {}) {
+/// Commands of a random motion, `size` times as far from its middle, and the motion that `robot` makes of
+/// them, in much finer steps than are fitted, on an encoder of steps of 0.4 mrad.
+Log recorded(const Robot& robot, unsigned seed, double duration, const std::vector<int>& at_rest = {},
+             double size = 1.0) {
   constexpr double rate = 100.0;  // [Hz]
   RandomMotionOptions options;
   options.rate = rate;
@@ -72,7 +73,8 @@ Log recorded(const Robot& robot, unsigned seed, double duration, const std::vect
   Log log;
   log.source = "log " + std::to_string(seed);
   log.t = Eigen::VectorXd::LinSpaced(motion.q.rows(), 0.0, double(motion.q.rows() - 1) / rate);
-  log.u = motion.q;
+  const Eigen::RowVectorXd middle = motion.q.colwise().mean();
+  log.u = (size * (motion.q.rowwise() - middle)).rowwise() + middle;
   for (const int j : at_rest) log.u.col(j).setConstant(motion.q(0, j));
   log.q = log.u;
   constexpr double step = 4e-4;
@@ -200,6 +202,24 @@ INSTANTIATE_TEST_SUITE_P(
                     Hidden{"stribeck_friction", 7, "static", 0.02},
                     Hidden{"torque_saturation", 3, "limit", 0.035}, Hidden{"backlash", 2, "gap", 0.04}),
     [](const testing::TestParamInfo<Hidden>& hidden) { return std::string(hidden.param.name); });
+
+// A limit that one log reaches and the other does not: whichever is the last, it is found and borne out.
+TEST(ServoDiagnosis, AGapThatOneLogShowsIsFoundWhicheverIsTheLast) {
+  const Robot nominal = servo_arm();
+  Robot real = nominal;
+  const double limit = hide(real, {"torque_saturation", 3, "limit", 0.035});
+  const std::vector<Log> far_then_near = {recorded(real, 5, 20.0), recorded(real, 6, 20.0, {}, 0.2)},
+                         near_then_far = {far_then_near[1], far_then_near[0]};
+  for (const std::vector<Log>* logs : {&far_then_near, &near_then_far}) {
+    const Diagnosis d = diagnose_servos(nominal, *logs, without_rollout());
+    expect_no_contradiction(d);
+    ASSERT_FALSE(d.effects.empty()) << d.judgement.back().text;
+    EXPECT_EQ(d.effects.front().effect.name, "torque_saturation");
+    EXPECT_NEAR(d.effects.front().effect.parameters.at("limit")[2], limit, 0.1 * limit);
+    EXPECT_EQ(d.verdict, Verdict::explained);
+    EXPECT_GT(d.shrink.fraction, 0.9);
+  }
+}
 
 TEST(ServoDiagnosis, NamesAPayload) {
   const Robot nominal = servo_arm();

@@ -20,7 +20,8 @@ enum class Scope {
   pair,    ///< unit k: two joints, neighbours or next but one: pair_of()
   arm,     ///< one unit: the whole arm
   window,  ///< unit k: link k + 1, in a window of time that is searched for: its first two shape parameters
-           ///< are start, as the log is stamped, and duration [s]
+           ///< are start, as the log is stamped, and duration [s]; one that is logarithmic is the time [s] of
+           ///< its rise and fall, within the duration
 };
 
 /// A parameter that the torque depends on in another way than linearly: it is searched for in a grid, then
