@@ -15,25 +15,35 @@ template <bool both, bool prismatic, class V, int N, class S, class Q, class Out
                                                int pass) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
-  const int n = model.size();
-  placed_groups<S, true, V>(model, ws, q, pass, [&](int g, int at, const Placed<V>& placed) {
-    place_twists<V>(model, ws, at, placed.z, placed.p);
-    set_moments(ws, g * lanes, placed_moments<prismatic, V, E>(model, at, placed));
-  });
-  sum_inwards<V>(ws, n, row_moments + !prismatic, 10 - !prismatic);
+  const int n = model.size(), groups = (n + lanes - 1) / lanes;
+  place_groups<prismatic, S, V>(model, ws, q, pass);
+  // Group g's lanes are at g * lanes: groups overlap in joints, not in storage.
   const Rows3<E> rw(ws, row_w), rv(ws, row_v), rf(ws, row_force), rn(ws, row_couple);
-  for (int g = 0; g * lanes < n; ++g) {
-    const int at = first_of_group<lanes>(g, n);
-    const Wrench<V> F = inertia_times<prismatic>(get_moments<V>(ws, g * lanes), rw.template get<V>(at),
-                                                 rv.template get<V>(at));
-    rf.set(at, F.f), rn.set(at, F.n);
+  Moments<V> carried = {};  // by the first joint of the group further out
+#pragma GCC unroll 4
+  for (int g = groups - 1; g >= 0; --g) {
+    const int at = first_of_group<lanes>(g, n), end = g + 1 < groups ? first_of_group<lanes>(g + 1, n) : n;
+    const Placed<V> placed = placed_group<S, V>(ws, at);
+    Moments<V> k = placed_moments<prismatic, V, E>(model, at, placed);
+    k.template for_each<prismatic>(carried, [&](V& x, V& outer) {
+      x = sum_of_later<V, E>(end < at + lanes ? select_up_to<V, E>(at, end - 1, x, V(0.0)) : x);
+      if (g + 1 < groups) x += outer;
+      outer = first_lane<V, E>(x);
+    });
+    const auto [w, v] = unit_twists<prismatic, V, E>(model, at, placed.z, placed.p);
+    const Wrench<V> F = inertia_times<prismatic>(k, w, v);
+    rw.set(g * lanes, w), rv.set(g * lanes, v), rf.set(g * lanes, F.f), rn.set(g * lanes, F.n);
   }
+#pragma GCC unroll 8
   for (int j = 0; j < n; ++j) {
-    const Vector3<V> f = rf.template all<V>(j), m = rn.template all<V>(j);
+    // Of a joint in two groups only the outer one has all that it carries.
+    const int last = first_of_group<lanes>(groups - 1, n),
+              slot = j < last ? j : j - last + (groups - 1) * lanes;
+    const Vector3<V> f = rf.template all<V>(slot), m = rn.template all<V>(slot);
+#pragma GCC unroll 4
     for (int g = 0; g * lanes <= j; ++g) {
       const int at = first_of_group<lanes>(g, n);
-      if (at > j) break;
-      const V x = dot(rw.template get<V>(at), m) + dot(rv.template get<V>(at), f);
+      const V x = dot(rw.template get<V>(g * lanes), m) + dot(rv.template get<V>(g * lanes), f);
       write_rows<S>(M, at, j, pass, x);
       // What a column has below its diagonal is not right until the later ones have been here.
       if constexpr (both) write_columns<S>(M, j, at, j, pass, x);

@@ -15,9 +15,24 @@ template <class V>
           V(a.x * R(2, 0) + a.y * R(2, 1) + a.z * R(2, 2))};
 }
 
+/// The wrench that moving a link takes, parameter by parameter. m: the force a. First moments: the force L
+/// e_k, the column here, and the couple e_k x a. Inertia: the couple J alpha + omega x J omega.
+template <class V>
+struct LinkColumns {
+  Vector3<V> a, hx, hy, hz, xx, xy, yy, xz, yz, zz;
+  [[gnu::always_inline]] explicit LinkColumns(const Motion<V>& m) {
+    const Vector3<V>&w = m.omega, &alpha = m.alpha;
+    const Spin<V>& L = m.spin;
+    const V x2 = w.x * w.x, y2 = w.y * w.y, z2 = w.z * w.z, x_y = w.x * w.y, x_z = w.x * w.z, y_z = w.y * w.z;
+    a = m.a;
+    hx = {L.xx, L.yx, L.zx}, hy = {L.xy, L.yy, L.zy}, hz = {L.xz, L.yz, L.zz};
+    xx = {alpha.x, x_z, V(-x_y)}, yy = {V(-y_z), alpha.y, x_y}, zz = {y_z, V(-x_z), alpha.z};
+    xy = {V(-L.zx), L.zy, V(x2 - y2)}, xz = {L.yx, V(z2 - x2), V(-L.yz)}, yz = {V(y2 - z2), V(-L.xy), L.xz};
+  }
+};
+
 /// Each joint's unit twist is carried outwards, link by link (lanes are joints), and the power it does on a
-/// link moving as that link does is read off, parameter by parameter:
-///   v . (m a + L h) + w . (h x a + J alpha + omega x J omega).
+/// link moving as that link does is read off, parameter by parameter.
 template <bool prismatic, class V, int N, class S, class Q, class D, class A, class Y>
 [[gnu::always_inline]] inline void regressor(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
                                              const D& dq, const A& ddq, Y& out, int pass) {
@@ -26,42 +41,38 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class A, cl
   const int n = model.size();
   const bool turn = !model.frames_are_links();
   E *const c = ws.row(0), *const s = ws.row(1);
-  const Rows3<E> rp(ws, 2), romega(ws, 5), ralpha(ws, 8), ra(ws, 11);
-  const Rows3<E> rx(ws, 14), ry(ws, 17), rz(ws, 20);  // columns of L
+  const Rows3<E> rw(ws, 2), rv(ws, 5);  // twists in the current link's frame, group g's at g * lanes
   joint_rotations<S>(model, q, pass, c, s);
 
-  Motion<E> motion = base_motion<E>(model);
+  const V zero(0.0);
+  Motion<V> motion = base_motion<V>(model);  // the same in every lane
   for (int i = 0; i < n; ++i) {
     const JointFrame& frame = model.frame(i);
-    const E qi = prismatic ? coefficient<S>(q, i, pass) : E(0.0);
-    const E dqi = coefficient<S>(dq, i, pass), ddqi = coefficient<S>(ddq, i, pass);
-    motion = prismatic || i > 0 ? step<prismatic>(frame, motion, c[i], s[i], qi, dqi, ddqi)
-                                : first_step(motion, c[i], s[i], dqi, ddqi);
-    Vector3<E> omega = motion.omega, alpha = motion.alpha, a = motion.a;
-    Spin<E> L = motion.spin;
+    const V ci(c[i]), si(s[i]), qi = prismatic ? V(coefficient<S>(q, i, pass)) : zero;
+    const V dqi(coefficient<S>(dq, i, pass)), ddqi(coefficient<S>(ddq, i, pass));
+    motion = prismatic || i > 0 ? step<prismatic>(frame, motion, ci, si, qi, dqi, ddqi)
+                                : first_step(motion, ci, si, dqi, ddqi);
+    Motion<V> seen = motion;  // in the robot's link frame
     if (turn) {
       const Eigen::Matrix3d& axes = model.axes(i);
-      omega = turned(axes, omega), alpha = turned(axes, alpha), a = turned(axes, a);
-      L = Spin<E>(omega, alpha);
+      seen.omega = turned(axes, motion.omega), seen.alpha = turned(axes, motion.alpha);
+      seen.a = turned(axes, motion.a), seen.spin = Spin<V>(seen.omega, seen.alpha);
     }
-    rp.set(i, origin<prismatic>(frame, qi));
-    romega.set(i, omega), ralpha.set(i, alpha), ra.set(i, a);
-    rx.set(i, Vector3<E>{L.xx, L.yx, L.zx});
-    ry.set(i, Vector3<E>{L.xy, L.yy, L.zy});
-    rz.set(i, Vector3<E>{L.xz, L.yz, L.zz});
-  }
+    const LinkColumns<V> link(seen);
+    const Vector3<V> p = origin<prismatic>(frame, qi);
 
-  for (int g = 0; g * lanes < n; ++g) {
-    const int first = first_of_group<lanes>(g, n);
-    for (int column = 0; column < 10 * first; ++column) write_rows<S>(out, first, column, pass, V(0.0));
-    const V zero(0.0);
-    Vector3<V> w = {zero, zero, zero}, v = w;
-    for (int i = first; i < n; ++i) {
-      const JointFrame& frame = model.frame(i);
-      const V cv(c[i]), sv(s[i]), ca(frame.ca), sa(frame.sa);
+    for (int g = 0; g * lanes < n; ++g) {
+      const int first = first_of_group<lanes>(g, n), column = 10 * i;
+      const auto write = [&](int k, const V& x) { write_rows<S>(out, first, column + k, pass, x); };
+      if (i < first) {
+        for (int k = 0; k < 10; ++k) write(k, zero);
+        continue;
+      }
+      Vector3<V> w = {zero, zero, zero}, v = w;
       if (i > first) {  // nothing moves before
-        v = to_link(sum(v, cross(w, rp.template all<V>(i))), ca, sa, cv, sv);
-        w = to_link(w, ca, sa, cv, sv);
+        w = rw.template get<V>(g * lanes), v = rv.template get<V>(g * lanes);
+        v = to_link(sum(v, cross(w, p)), frame.ca, frame.sa, ci, si);
+        w = to_link(w, frame.ca, frame.sa, ci, si);
       }
       if (i < first + lanes) {
         const V unit = unit_lane<V, E>(first, i);
@@ -72,24 +83,21 @@ template <bool prismatic, class V, int N, class S, class Q, class D, class A, cl
           w.z += unit;
         }
       }
-      Vector3<V> W = w, U = v;  // in the robot's link frame
-      if (turn) W = turned(model.axes(i), w), U = turned(model.axes(i), v);
-
-      const int column = 10 * i;
-      const auto write = [&](int k, const V& x) { write_rows<S>(out, first, column + k, pass, x); };
-      const Vector3<V> a = ra.template all<V>(i), aw = cross(a, W);
-      write(0, dot(U, a));
-      write(1, aw.x + dot(U, rx.template all<V>(i)));
-      write(2, aw.y + dot(U, ry.template all<V>(i)));
-      write(3, aw.z + dot(U, rz.template all<V>(i)));
-      const Vector3<V> omega = romega.template all<V>(i), alpha = ralpha.template all<V>(i),
-                       u = cross(W, omega);
-      write(4, W.x * alpha.x + u.x * omega.x);
-      write(5, W.x * alpha.y + W.y * alpha.x + u.x * omega.y + u.y * omega.x);
-      write(6, W.y * alpha.y + u.y * omega.y);
-      write(7, W.x * alpha.z + W.z * alpha.x + u.x * omega.z + u.z * omega.x);
-      write(8, W.y * alpha.z + W.z * alpha.y + u.y * omega.z + u.z * omega.y);
-      write(9, W.z * alpha.z + u.z * omega.z);
+      rw.set(g * lanes, w), rv.set(g * lanes, v);
+      if (!prismatic && i == first && !turn) {  // a turn about z alone
+        write(0, zero), write(1, w.z * link.a.y), write(2, -w.z * link.a.x), write(3, zero);
+        write(4, w.z * link.xx.z), write(5, w.z * link.xy.z), write(6, w.z * link.yy.z);
+        write(7, w.z * link.xz.z), write(8, w.z * link.yz.z), write(9, w.z * link.zz.z);
+        continue;
+      }
+      if (turn) w = turned(model.axes(i), w), v = turned(model.axes(i), v);
+      const Vector3<V> couple = cross(link.a, w);
+      write(0, dot(v, link.a));
+      write(1, couple.x + dot(v, link.hx));
+      write(2, couple.y + dot(v, link.hy));
+      write(3, couple.z + dot(v, link.hz));
+      write(4, dot(w, link.xx)), write(5, dot(w, link.xy)), write(6, dot(w, link.yy));
+      write(7, dot(w, link.xz)), write(8, dot(w, link.yz)), write(9, dot(w, link.zz));
     }
   }
 }

@@ -24,6 +24,10 @@ struct Lane {
   Vector v;
 
   Lane() = default;
+  // Not trivial: compilers copy trivial structures by half registers, for which loads of whole ones have to
+  // wait.
+  [[gnu::always_inline]] Lane(const Lane& other) : v(other.v) {}
+  [[gnu::always_inline]] Lane& operator=(const Lane& other) { return v = other.v, *this; }
   [[gnu::always_inline]] Lane(double x) : v(x - Vector{}) {}
   [[gnu::always_inline]] explicit Lane(Vector x) : v(x) {}
 
@@ -88,15 +92,16 @@ template <class V, class E>
     const typename V::Vector zero = {};
 #if defined(__clang__)
     if constexpr (lane_width == 4) {
-      const V pairs(x.v + __builtin_shufflevector(x.v, zero, 1, 2, 3, 4));
-      return V(pairs.v + __builtin_shufflevector(pairs.v, zero, 2, 3, 4, 4));
+      const typename V::Vector upper = __builtin_shufflevector(x.v, zero, 2, 3, 4, 5), pairs = x.v + upper;
+      return V(pairs + __builtin_shufflevector(pairs, upper, 1, 4, 3, 6));
     } else {
       return V(x.v + __builtin_shufflevector(x.v, zero, 1, 2));
     }
 #else
     if constexpr (lane_width == 4) {
-      const V pairs(x.v + __builtin_shuffle(x.v, zero, typename V::Bits{1, 2, 3, 4}));
-      return V(pairs.v + __builtin_shuffle(pairs.v, zero, typename V::Bits{2, 3, 4, 4}));
+      const typename V::Vector upper = __builtin_shuffle(x.v, zero, typename V::Bits{2, 3, 4, 5}),
+                               pairs = x.v + upper;
+      return V(pairs + __builtin_shuffle(pairs, upper, typename V::Bits{1, 4, 3, 6}));
     } else {
       return V(x.v + __builtin_shuffle(x.v, zero, typename V::Bits{1, 2}));
     }
@@ -104,6 +109,15 @@ template <class V, class E>
   }
 #endif
   return x;
+}
+
+/// Lane 0 of x in every lane.
+template <class V, class E>
+[[gnu::always_inline]] inline V first_lane(const V& x) {
+  if constexpr (std::is_same_v<V, E>)
+    return x;
+  else
+    return V(x[0]);
 }
 
 #if defined(__GNUC__) && defined(__AVX__)
@@ -134,7 +148,7 @@ template <class V, class E>
     (void)first, (void)joint;
     return V(1.0);
   } else {
-    constexpr double table[7] = {0, 0, 0, 1, 0, 0, 0};
+    static constexpr double table[7] = {0, 0, 0, 1, 0, 0, 0};
     return V::load(table + 3 - (joint - first));
   }
 }

@@ -24,6 +24,7 @@ enum Row : int {
       row_moments + 10,  // force and couple that take those links through the joint's unit acceleration
   row_couple = row_force + 3,
   row_free = row_couple + 3,
+  row_axes = row_free,  // 16 numbers a joint, where a register holds an axis
 };
 
 /// Row k of a workspace's scratch, three at a time.
@@ -73,59 +74,67 @@ template <class S, bool from_first = false, int N, class Q>
   }
 }
 
-/// Unit twists of the joints at `at`, placed: rows row_w to row_v + 2.
-template <class V, int N, class S>
-[[gnu::always_inline]] inline void place_twists(const Model<N>& model, Workspace<N, S>& ws, int at,
-                                                const Vector3<V>& z, const Vector3<V>& p) {
-  using E = ElementOf<S>;
-  const Rows3<E> rw(ws, row_w), rv(ws, row_v);
+/// Angular and linear part of a joint's unit twist.
+template <class V>
+struct Twist {
+  Vector3<V> w, v;
+};
+
+/// Unit twists of the joints at `at`, whose axes are z through p.
+template <bool prismatic, class V, class E, int N>
+[[gnu::always_inline]] inline Twist<V> unit_twists(const Model<N>& model, int at, const Vector3<V>& z,
+                                                   const Vector3<V>& p) {
   const Vector3<V> v = cross(p, z);
-  if (model.has_prismatic()) {
+  if constexpr (prismatic) {
     const V turn = load_constant<V, E>(model.revolute() + at), slide = V(1.0) - turn;
-    rw.set(at, Vector3<V>{V(z.x * turn), V(z.y * turn), V(z.z * turn)});
-    rv.set(at,
-           Vector3<V>{V(v.x * turn + z.x * slide), V(v.y * turn + z.y * slide), V(v.z * turn + z.z * slide)});
+    return {{V(z.x * turn), V(z.y * turn), V(z.z * turn)},
+            {V(v.x * turn + z.x * slide), V(v.y * turn + z.y * slide), V(v.z * turn + z.z * slide)}};
   } else {
-    rw.set(at, z), rv.set(at, v);
+    return {z, v};
   }
 }
-/// Of all joints, after place().
+/// Of all joints, after place(): rows row_w to row_v + 2.
 template <class V, int N, class S>
 [[gnu::always_inline]] inline void place_twists(const Model<N>& model, Workspace<N, S>& ws) {
   using E = ElementOf<S>;
   constexpr int lanes = width<V, E>;
   const int n = model.size();
-  const Rows3<E> rz(ws, row_z), rp(ws, row_p);
+  const Rows3<E> rz(ws, row_z), rp(ws, row_p), rw(ws, row_w), rv(ws, row_v);
   for (int g = 0; g * lanes < n; ++g) {
     const int at = first_of_group<lanes>(g, n);
-    place_twists<V>(model, ws, at, rz.template get<V>(at), rp.template get<V>(at));
+    const Vector3<V> z = rz.template get<V>(at), p = rp.template get<V>(at);
+    const auto [w, v] = model.has_prismatic() ? unit_twists<true, V, E>(model, at, z, p)
+                                              : unit_twists<false, V, E>(model, at, z, p);
+    rw.set(at, w), rv.set(at, v);
   }
 }
 
-/// Axes and origins of a group of joints, as place() gives them.
-template <class V>
-struct Placed {
-  Vector3<V> x, y, z, p;
-};
-
-/// Calls f(g, at, Placed<V>) for every group of joints, base to tip; in internal frame 0 or, with
-/// `from_first`, in that of the first joint. Nothing is left in the workspace but rows row_c and row_s.
-template <class S, bool from_first, class V, int N, class Q, class F>
-[[gnu::always_inline]] inline void placed_groups(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
-                                                 int pass, const F& f) {
-  using E = ElementOf<S>;
-  constexpr int lanes = width<V, E>;
-  const int n = model.size();
 #if defined(__GNUC__) && defined(__AVX__)
-  if constexpr (std::is_same_v<E, double> && lanes == 4) {
-    // A register holds an axis; what is stored joint by joint would be loaded by groups too early.
-    E *const c = ws.row(row_c), *const s = ws.row(row_s);
+template <class V, class E>
+inline constexpr bool axes_in_registers = std::is_same_v<E, double> && (width<V, E> == 4);
+#else
+template <class V, class E>
+inline constexpr bool axes_in_registers = false;
+#endif
+
+/// Axes and origins of the internal frames in that of the first joint, for placed_group(). Where a register
+/// holds an axis, a joint's four vectors are stored one after the other from row_axes on: loads of groups
+/// would have to wait for components stored one by one.
+template <bool prismatic, class S, class V, int N, class Q>
+[[gnu::always_inline]] inline void place_groups(const Model<N>& model, Workspace<N, S>& ws, const Q& q,
+                                                int pass) {
+  using E = ElementOf<S>;
+  if constexpr (!axes_in_registers<V, E>) {
+    place<S, true>(model, ws, q, pass);
+  } else {
+    const int n = model.size();
+    E *const c = ws.row(row_c), *const s = ws.row(row_s), *const axes = ws.row(row_axes);
     joint_rotations<S>(model, q, pass, c, s);
     using Vector = typename V::Vector;
     V x(Vector{1, 0, 0, 0}), y(Vector{0, 1, 0, 0}), z(Vector{0, 0, 1, 0}), p(Vector{});
-    V xs[4], ys[4], zs[4], ps[4];  // of the last four joints
-    for (int i = 0, g = 0; i < n; ++i) {
-      if (!from_first || i > 0) {
+#pragma GCC unroll 8
+    for (int i = 0; i < n; ++i) {
+      if (i > 0) {
         const JointFrame& frame = model.frame(i);
         const V ca(frame.ca), sa(frame.sa), cosine(c[i]), sine(s[i]);
         p = p + x * V(frame.px) + y * V(frame.py) + z * V(frame.pz);
@@ -133,30 +142,36 @@ template <class S, bool from_first, class V, int N, class Q, class F>
         z = z * ca - y * sa;
         y = turned * cosine - x * sine;
         x = x * cosine + turned * sine;
-        if (model.has_prismatic()) p = p + z * V(coefficient<S>(q, i, pass) * (1.0 - frame.revolute));
+        if constexpr (prismatic) p = p + z * V(coefficient<S>(q, i, pass) * (1.0 - frame.revolute));
       }
-      const int slot = i % 4;
-      xs[slot] = x, ys[slot] = y, zs[slot] = z, ps[slot] = p;
-      const int at = first_of_group<lanes>(g, n);
-      if (i != at + 3) continue;
-      const int k0 = at % 4, k1 = (at + 1) % 4, k2 = (at + 2) % 4, k3 = slot;
-      Placed<V> group;
-      transpose(xs[k0], xs[k1], xs[k2], xs[k3], group.x.x, group.x.y, group.x.z);
-      transpose(ys[k0], ys[k1], ys[k2], ys[k3], group.y.x, group.y.y, group.y.z);
-      transpose(zs[k0], zs[k1], zs[k2], zs[k3], group.z.x, group.z.y, group.z.z);
-      transpose(ps[k0], ps[k1], ps[k2], ps[k3], group.p.x, group.p.y, group.p.z);
-      f(g++, at, group);
+      store(axes + 16 * i, x), store(axes + 16 * i + 4, y), store(axes + 16 * i + 8, z);
+      store(axes + 16 * i + 12, p);
     }
-    return;
   }
-#endif
-  place<S, from_first>(model, ws, q, pass);
-  const Rows3<E> rx(ws, row_x), ry(ws, row_y), rz(ws, row_z), rp(ws, row_p);
-  for (int g = 0; g * lanes < n; ++g) {
-    const int at = first_of_group<lanes>(g, n);
-    f(g, at,
-      Placed<V>{rx.template get<V>(at), ry.template get<V>(at), rz.template get<V>(at),
-                rp.template get<V>(at)});
+}
+
+/// Axes and origins of a group of joints.
+template <class V>
+struct Placed {
+  Vector3<V> x, y, z, p;
+};
+
+/// Of the joints at `at`, after place_groups().
+template <class S, class V, int N>
+[[gnu::always_inline]] inline Placed<V> placed_group(Workspace<N, S>& ws, int at) {
+  using E = ElementOf<S>;
+  if constexpr (!axes_in_registers<V, E>) {
+    return {Rows3<E>(ws, row_x).template get<V>(at), Rows3<E>(ws, row_y).template get<V>(at),
+            Rows3<E>(ws, row_z).template get<V>(at), Rows3<E>(ws, row_p).template get<V>(at)};
+  } else {
+    const E* const axes = ws.row(row_axes) + 16 * at;
+    const auto turned = [&](int k) {
+      Vector3<V> a;
+      transpose(load<V>(axes + k), load<V>(axes + k + 16), load<V>(axes + k + 32), load<V>(axes + k + 48),
+                a.x, a.y, a.z);
+      return a;
+    };
+    return {turned(0), turned(4), turned(8), turned(12)};
   }
 }
 
@@ -166,6 +181,15 @@ struct Moments {
   V m;
   Vector3<V> h;
   V xx, xy, yy, xz, yz, zz;
+
+  /// f(a, b) for each of these and the same of `other`; the mass is left out where it is nil.
+  template <bool mass, class F>
+  [[gnu::always_inline]] void for_each(Moments& other, const F& f) {
+    if constexpr (mass) f(m, other.m);
+    f(h.x, other.h.x), f(h.y, other.h.y), f(h.z, other.h.z);
+    f(xx, other.xx), f(xy, other.xy), f(yy, other.yy);
+    f(xz, other.xz), f(yz, other.yz), f(zz, other.zz);
+  }
 };
 
 /// Reduced moments of the links at `at`, placed. Without prismatic joints the mass is nil.
@@ -256,11 +280,10 @@ template <bool prismatic, class V>
   Wrench<V> r;
   r.f = cross(w, k.h);
   if constexpr (prismatic) r.f = sum(r.f, k.m, v);
-  const V trace = k.xx + k.yy + k.zz;
-  r.n = sum(cross(k.h, v), trace, w);
-  r.n.x -= k.xx * w.x + k.xy * w.y + k.xz * w.z;
-  r.n.y -= k.xy * w.x + k.yy * w.y + k.yz * w.z;
-  r.n.z -= k.xz * w.x + k.yz * w.y + k.zz * w.z;
+  const Vector3<V> hv = cross(k.h, v);
+  r.n.x = hv.x + (k.yy + k.zz) * w.x - k.xy * w.y - k.xz * w.z;
+  r.n.y = hv.y + (k.xx + k.zz) * w.y - k.xy * w.x - k.yz * w.z;
+  r.n.z = hv.z + (k.xx + k.yy) * w.z - k.xz * w.x - k.yz * w.y;
   return r;
 }
 

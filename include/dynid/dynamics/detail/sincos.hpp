@@ -26,6 +26,19 @@ template <class T>
 /// pi/4.
 inline constexpr double sincos_range = 1e5;
 
+/// Whether every lane of a comparison's result is true.
+[[gnu::always_inline]] inline bool all(const Lane::Bits& result) {
+#if defined(__AVX__)
+  return __builtin_ia32_movmskpd256((Lane::Vector)result) == 15;
+#elif defined(__SSE2__)
+  return __builtin_ia32_movmskpd((Lane::Vector)result) == 3;
+#else
+  std::int64_t r = result[0];
+  for (int lane = 1; lane < lane_width; ++lane) r &= result[lane];
+  return r != 0;
+#endif
+}
+
 [[gnu::noinline, gnu::cold]] inline void sincos_any(const double* x, double* s, double* c) {
   for (int k = 0; k < lane_width; ++k) s[k] = std::sin(x[k]), c[k] = std::cos(x[k]);
 }
@@ -64,9 +77,7 @@ inline constexpr double sincos_range = 1e5;
   cosine.v = (Vector)c;
 
   const Bits inside = (x <= sincos_range) & (x >= -sincos_range);
-  std::int64_t all = inside[0];
-  for (int lane = 1; lane < lane_width; ++lane) all &= inside[lane];
-  if (__builtin_expect(all == 0, 0)) {
+  if (__builtin_expect(!all(inside), 0)) {
     double in[lane_width], out_s[lane_width], out_c[lane_width];
     angle.store(in);
     sincos_any(in, out_s, out_c);
