@@ -162,7 +162,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   for (const Log& log : logs) out.logs.push_back(prepare(log, band));
 
   say("nominal model", 0.05);
-  const std::vector<DataIssue> invalid = unusable(logs, out.logs, joint_scales(nominal));
+  std::vector<DataIssue> invalid = unusable(logs, out.logs, joint_scales(nominal));
   out.answerable = can_answer(nominal, logs, out.logs);
   if (const std::vector<std::string> outside = outside_family(calibration(options), logs); !outside.empty())
     out.logs.front().report.issues.push_back(
@@ -187,6 +187,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
     out.seconds = seconds();
     return out;
   }
+  if (invalid.empty()) invalid = too_short(spread, parts, logs.front().source, count);
   if (!invalid.empty()) {
     std::vector<DataIssue>& issues = out.logs.front().report.issues;
     issues.insert(issues.begin(), invalid.begin(), invalid.end());

@@ -15,7 +15,6 @@ namespace {
 
 constexpr int most_passes = 2;               // of the search with a delay that is known
 constexpr std::size_t other_beginnings = 4;  // each costs a whole search
-constexpr Eigen::Index least_rows = 40, least_held = 10;
 
 /// Several channels late by times of their own may all be late by one.
 Eigen::VectorXd common(const Eigen::VectorXd& late) {
@@ -94,7 +93,7 @@ Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice&
       model(search.moved_here(sought.model.effects, sought.model.kappa)) {}
 
 const GapRows& Choice::checked() const {
-  if (rows.size() < least_rows || held.size() < least_held)
+  if (rows.size() < least_to_fit || held.size() < least_to_judge)
     throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
                 std::to_string(held.size()) + " to judge by are too few");
   return rows;

@@ -16,6 +16,9 @@ constexpr double block_rows = 25.0, within_rows = 10.0;
 inline double block_length(const GapRows& rows) { return block_rows * rows.period(); }
 inline double within_length(const GapRows& rows) { return within_rows * rows.period(); }
 
+/// Rows without which nothing is chosen, and none judged.
+constexpr Eigen::Index least_to_fit = 40, least_to_judge = 10;
+
 /// Rows in every other block of `seconds`, `apart` rows from each change.
 std::vector<bool> alternate(const GapRows& rows, bool odd, double seconds, Eigen::Index apart);
 

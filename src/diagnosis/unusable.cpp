@@ -44,4 +44,22 @@ std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<
   return out;
 }
 
+std::vector<DataIssue> too_short(const GapRows& rows, const Split& split, const std::string& source,
+                                 int logs) {
+  const auto fit = std::count(split.to_fit.begin(), split.to_fit.end(), true),
+             judge = std::count(split.to_judge.begin(), split.to_judge.end(), true);
+  if (fit >= least_to_fit && judge >= least_to_judge) return {};
+  // In proportion to what is there, and what a log loses to the filter at its ends.
+  const double lacking = std::max(double(least_to_fit) / double(std::max<std::ptrdiff_t>(fit, 1)),
+                                  double(least_to_judge) / double(std::max<std::ptrdiff_t>(judge, 1)));
+  const double seconds = rows.period() * double(rows.size()) / double(logs);
+  const double more = std::ceil(seconds * (lacking - 1.0) + 1.0);
+  const std::string text =
+      (logs > 1 ? "the logs (" + source + ", ...) have " : source + " has ") + std::to_string(fit) +
+      " independent rows to choose effects by and " + std::to_string(judge) + " to judge them by, where " +
+      std::to_string(least_to_fit) + " and " + std::to_string(least_to_judge) +
+      " are needed: " + std::to_string(int(more)) + " s more of motion" + (logs > 1 ? " in each" : "");
+  return {{"too_short", {}, double(std::min(fit, judge)), "1", text}};
+}
+
 }  // namespace dynid::detail

@@ -884,6 +884,23 @@ TEST(Diagnose, DataThatCannotBeTrustedAreInvalid) {
   EXPECT_EQ(e.logs[0].report.issues[0].joints, std::vector<int>{3});
 }
 
+// Of a few rows nothing can be told: it is said how many more are needed, and that many are enough.
+TEST(Diagnose, LogsThatAreTooShortAreInvalid) {
+  const Robot robot = panda();
+  const std::vector<Log> logs = recorded(robot, {"viscous_friction:joints=2,coefficient=4"}, 4, 3.0);
+  const Diagnosis brief = diagnose(robot, {logs[0]});
+  EXPECT_EQ(brief.verdict, Verdict::data_invalid);
+  ASSERT_FALSE(brief.logs[0].report.issues.empty());
+  const DataIssue& issue = brief.logs[0].report.issues[0];
+  EXPECT_EQ(issue.name, "too_short");
+  const std::size_t at = issue.text.find("needed: ");
+  ASSERT_NE(at, std::string::npos) << issue.text;
+  const double more = std::stod(issue.text.substr(at + 8));
+  EXPECT_GT(more, 0.0);
+  const Log longer = recorded(robot, {"viscous_friction:joints=2,coefficient=4"}, 4, 3.0 + more)[0];
+  EXPECT_NE(diagnose(robot, {longer}).verdict, Verdict::data_invalid) << issue.text;
+}
+
 // Law: what the probabilities are made of is found from a bank that it made, and the few cases of a small one
 // ask for nothing.
 TEST(Calibration, FindsTheWeights) {
