@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -77,12 +78,12 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
     const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
     if (again.score > model.score) model = again;
   }
-  if (!split.several) settle_windows(everything);
-  keep_what_holds();
-  if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects)) {
+  const auto settle = [&] {
     if (!split.several) settle_windows(everything);
-    keep_what_holds();
-  }
+    if (keep_what_holds() && !split.several) settle_windows(everything);
+  };
+  settle();
+  if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects)) settle();
 }
 
 Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice& sought)
@@ -168,35 +169,40 @@ void Choice::settle_windows(const GapRows& everything) {
       else
         unit = before;
     };
-    double factor = 4.0;
-    for (double step = block_length(everything); step >= 0.5 * everything.period(); step /= 2.0) {
-      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
-        Eigen::VectorXd shape = unit.shape;
-        shape[0] += start;
-        shape[1] += end - start;
-        if (shape[1] >= everything.period()) tried(shape);
-      }
-      for (std::size_t s = 2; s < parameters.size(); ++s) {
-        const ShapeParameter& p = parameters[s];
-        for (const double by : {1.0 / factor, factor}) {
-          if (!p.logarithmic) continue;
-          // How fast: what is in the middle of its rise, and of its fall, stays where it is.
+    // Steps that began small may have led astray: large ones again, until they change nothing.
+    double last = -std::numeric_limits<double>::infinity();
+    while (best > last + criteria().least_better) {
+      last = best;
+      double factor = 4.0;
+      for (double step = block_length(everything); step >= 0.5 * everything.period(); step /= 2.0) {
+        for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
           Eigen::VectorXd shape = unit.shape;
-          double& x = shape[static_cast<Eigen::Index>(s)];
-          const double before = x;
-          x = std::clamp(by * x, p.low, p.high);
-          shape[0] += 0.5 * (before - x);
-          shape[1] -= before - x;
+          shape[0] += start;
+          shape[1] += end - start;
           if (shape[1] >= everything.period()) tried(shape);
         }
+        for (std::size_t s = 2; s < parameters.size(); ++s) {
+          const ShapeParameter& p = parameters[s];
+          for (const double by : {1.0 / factor, factor}) {
+            if (!p.logarithmic) continue;
+            // How fast: what is in the middle of its rise, and of its fall, stays where it is.
+            Eigen::VectorXd shape = unit.shape;
+            double& x = shape[static_cast<Eigen::Index>(s)];
+            const double before = x;
+            x = std::clamp(by * x, p.low, p.high);
+            shape[0] += 0.5 * (before - x);
+            shape[1] -= before - x;
+            if (shape[1] >= everything.period()) tried(shape);
+          }
+        }
+        factor = std::sqrt(factor);
       }
-      factor = std::sqrt(factor);
     }
   }
   model = search.moved_here(effects, model.kappa);
 }
 
-void Choice::keep_what_holds() {
+bool Choice::keep_what_holds() {
   std::vector<Adopted> once;
   Eigen::MatrixXd rest = held.y;
   for (std::size_t k = 0; k < model.effects.size(); ++k) {
@@ -205,8 +211,9 @@ void Choice::keep_what_holds() {
     else
       rest -= contribution(held, model, model.fit.theta, static_cast<std::ptrdiff_t>(k));
   }
-  if (!once.empty() && worse(held, held.y, rest, rows.white_floor))
-    model = search.exchanged(search.evaluate(std::move(once), model.kappa));
+  if (once.empty() || !worse(held, held.y, rest, rows.white_floor)) return false;
+  model = search.exchanged(search.evaluate(std::move(once), model.kappa));
+  return true;
 }
 
 std::unique_ptr<Choice> select(GapRows& everything, const Split& split,

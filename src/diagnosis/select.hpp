@@ -49,8 +49,9 @@ class Choice {
   /// Grows sets from other first effects: one step after the other leads to where the first one led. Whether
   /// one is better; it is then the choice.
   bool begun_elsewhere(int most);
-  /// Beside an effect that does not come back, others have to hold where it is not.
-  void keep_what_holds();
+  /// Beside an effect that does not come back, others have to hold where it is not. Whether the model is
+  /// another.
+  bool keep_what_holds();
 };
 
 /// The whole selection. Where channels are late, what other effects add there is late too: `everything` is
