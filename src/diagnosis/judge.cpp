@@ -177,7 +177,8 @@ class Judge {
     say(out, "least_shrink", out.shrink.fraction, criteria_.least_shrink, shrinks,
         "part by which the gap shrinks on data that neither chose nor fitted anything");
     if (!(out.shrink.fraction > 0.0) && !has_once(model)) return without_effects;
-    if (size.within() && least < criteria_.least_probability_within) return without_effects;
+    // What may be no gap at all has to be as sure as what is within the tolerance.
+    if ((size.within() || !there) && least < criteria_.least_probability_within) return without_effects;
     return (left && out.explained < criteria_.fully_explained) || !sure || !shrinks
                ? Verdict::partly_explained
                : Verdict::explained;

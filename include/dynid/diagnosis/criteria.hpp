@@ -31,9 +31,9 @@ struct Criteria {
   /// `explained` is said where the gap shrinks by this part, on data that neither chose nor fitted anything;
   /// a set that explains less is no answer: the gap is unexplained.
   double least_shrink = 0.65;
-  /// Where the gap is within the tolerance, an effect is named only where it is this probable: nothing that
-  /// was weighed in the healthy cases of the calibration's banks came above 0.7. So is one whose share is
-  /// below least_share, however much of one joint's gap it is.
+  /// Where the gap is within the tolerance, or may be noise, an effect is named only where it is this
+  /// probable: nothing that was weighed in the healthy cases of the calibration's banks came above 0.7. So is
+  /// one whose share is below least_share, however much of one joint's gap it is.
   double least_probability_within = 0.75;
   /// A joint sticks where its speed is below this many times what its own sensor resolves.
   double at_rest = 3.0;
