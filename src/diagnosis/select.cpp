@@ -169,32 +169,34 @@ void Choice::settle_windows(const GapRows& everything) {
       else
         unit = before;
     };
+    const auto move_ends = [&](double step) {
+      for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
+        Eigen::VectorXd shape = unit.shape;
+        shape[0] += start;
+        shape[1] += end - start;
+        if (shape[1] >= everything.period()) tried(shape);
+      }
+    };
+    // How fast: what is in the middle of its rise, and of its fall, stays where it is.
+    const auto change_rise = [&](Eigen::Index s, double by) {
+      const ShapeParameter& p = parameters[static_cast<std::size_t>(s)];
+      if (!p.logarithmic) return;
+      Eigen::VectorXd shape = unit.shape;
+      const double before = shape[s];
+      shape[s] = std::clamp(by * before, p.low, p.high);
+      shape[0] += 0.5 * (before - shape[s]);
+      shape[1] -= before - shape[s];
+      if (shape[1] >= everything.period()) tried(shape);
+    };
     // Steps that began small may have led astray: large ones again, until they change nothing.
     double last = -std::numeric_limits<double>::infinity();
     while (best > last + criteria().least_better) {
       last = best;
       double factor = 4.0;
       for (double step = block_length(everything); step >= 0.5 * everything.period(); step /= 2.0) {
-        for (const auto& [start, end] : {std::pair{-step, 0.0}, {step, 0.0}, {0.0, -step}, {0.0, step}}) {
-          Eigen::VectorXd shape = unit.shape;
-          shape[0] += start;
-          shape[1] += end - start;
-          if (shape[1] >= everything.period()) tried(shape);
-        }
-        for (std::size_t s = 2; s < parameters.size(); ++s) {
-          const ShapeParameter& p = parameters[s];
-          for (const double by : {1.0 / factor, factor}) {
-            if (!p.logarithmic) continue;
-            // How fast: what is in the middle of its rise, and of its fall, stays where it is.
-            Eigen::VectorXd shape = unit.shape;
-            double& x = shape[static_cast<Eigen::Index>(s)];
-            const double before = x;
-            x = std::clamp(by * x, p.low, p.high);
-            shape[0] += 0.5 * (before - x);
-            shape[1] -= before - x;
-            if (shape[1] >= everything.period()) tried(shape);
-          }
-        }
+        move_ends(step);
+        for (Eigen::Index s = 2; s < unit.shape.size(); ++s)
+          for (const double by : {1.0 / factor, factor}) change_rise(s, by);
         factor = std::sqrt(factor);
       }
     }

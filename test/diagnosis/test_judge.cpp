@@ -123,7 +123,6 @@ TEST(Judge, WhatIsNotToldApartIsNamedTogether) {
   }
 }
 
-// A gap too small to matter is no gap, from one log too, whatever the colour of its noise.
 // A joint that is quieter than its floor does not make up for the gap of another.
 TEST(Judge, AGapOfOneJointIsOne) {
   const Eigen::VectorXd floor = Eigen::VectorXd::Ones(4);
@@ -137,6 +136,7 @@ TEST(Judge, AGapOfOneJointIsOne) {
   EXPECT_NEAR(detail::shrink_fraction(before, after, floor), 0.0, 1e-12);
 }
 
+// A gap too small to matter is no gap, from one log too, whatever the colour of its noise.
 TEST(Judge, OneHealthyLogHasNoGap) {
   const Robot robot = panda();
   const Diagnosis d = told(robot, {recorded(robot, {}, 2, 16.0, true)});

@@ -76,12 +76,11 @@ const std::vector<std::string>& servo_effect_names();
 /// A joint that no command moves is not searched: where it sticks is any place within its friction.
 ///
 /// nominal: every joint has a servo. logs: t [s], u and q [rad or m], N x n each; of several the last only
-/// judges, of one the last part of each half; so of several where no joint's gap
-/// is in the last as well as in the others.
-/// The residual is q less the open-loop replay (replay_servos()); Diagnosis::rms and the rest of the gap are
-/// in the unit of the position. Joint by joint the nominal parameters may move within the tolerance (a
-/// Gaussian prior), and an effect frees its own from that; output error with analytic sensitivities, Huber's
-/// loss.
+/// judges, of one the last part of each half; so of several where no joint's gap is in the last as well as in
+/// the others. The residual is q less the open-loop replay (replay_servos()); Diagnosis::rms and the rest of
+/// the gap are in the unit of the position. Joint by joint the nominal parameters may move within the
+/// tolerance (a Gaussian prior), and an effect frees its own from that; output error with analytic
+/// sensitivities, Huber's loss.
 ///
 /// Throws Error: a joint without servo, and as identify_servos(). Runs on oneTBB; the result does not depend
 /// on the number of threads.
