@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/gap_motion.hpp"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -12,6 +14,25 @@
 #include "dynid/signal/filter.hpp"
 
 namespace dynid {
+namespace {
+
+/// Calls use(i, Y) with the regressor (n x 10 n) of each of the `count` samples from `first` on.
+template <class Use>
+void for_each_regressor(const Model<>& model, const GapMotion& motion, Eigen::Index first, Eigen::Index count,
+                        Use&& use) {
+  Workspace<> ws(model);
+  Eigen::MatrixXd Y(model.size(), 10 * model.size());
+  Eigen::VectorXd q(model.size()), dq(model.size()), ddq(model.size());
+  for (Eigen::Index i = first; i < first + count; ++i) {
+    q = motion.q.row(i);
+    dq = motion.dq.row(i);
+    ddq = motion.ddq.row(i);
+    regressor(model, ws, q, dq, ddq, Y);
+    use(i, std::as_const(Y));
+  }
+}
+
+}  // namespace
 
 GapMotion::GapMotion(const Robot& nominal_robot, Segment segment, double log_start)
     : rate(segment.rate),
@@ -67,29 +88,23 @@ GapMotion::GapMotion(const GapMotion& of, Eigen::Index first, Eigen::Index count
 
 std::vector<Eigen::MatrixXd> GapMotion::regressor_rows(Eigen::Index first, Eigen::Index count) const {
   const int n = robot_.size();
-  Workspace<> ws(model_);
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(n), Eigen::MatrixXd(count, 10 * n));
-  Eigen::MatrixXd Y(n, 10 * n);
-  Eigen::VectorXd x(n), v(n), a(n);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    x = q.row(first + i);
-    v = dq.row(first + i);
-    a = ddq.row(first + i);
-    regressor(model_, ws, x, v, a, Y);
-    for (int j = 0; j < n; ++j) out[static_cast<std::size_t>(j)].row(i) = Y.row(j);
-  }
+  for_each_regressor(model_, *this, first, count, [&](Eigen::Index i, const Eigen::MatrixXd& Y) {
+    for (int j = 0; j < n; ++j) out[static_cast<std::size_t>(j)].row(i - first) = Y.row(j);
+  });
   return out;
 }
 
 std::vector<Eigen::MatrixXd> GapMotion::link_columns(int link) const {
-  constexpr Eigen::Index block = 4096;  // samples
+  constexpr Eigen::Index block = 512;  // samples
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(link) + 1, Eigen::MatrixXd(q.rows(), 10));
-  for (Eigen::Index first = 0; first < q.rows(); first += block) {
-    const Eigen::Index count = std::min(block, q.rows() - first);
-    const std::vector<Eigen::MatrixXd> all = regressor_rows(first, count);
-    for (std::size_t j = 0; j < out.size(); ++j)
-      out[j].middleRows(first, count) = all[j].middleCols(10 * link, 10);
-  }
+  tbb::parallel_for(Eigen::Index{0}, (q.rows() + block - 1) / block, [&](Eigen::Index k) {
+    const Eigen::Index first = k * block, count = std::min(block, q.rows() - first);
+    for_each_regressor(model_, *this, first, count, [&](Eigen::Index i, const Eigen::MatrixXd& Y) {
+      for (int j = 0; j <= link; ++j)
+        out[static_cast<std::size_t>(j)].row(i) = Y.row(j).segment<10>(10 * link);
+    });
+  });
   return out;
 }
 

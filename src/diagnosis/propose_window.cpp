@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // An effect in a window of time: the windows of each link are scanned by prefix sums, the links compared by
 // what one point of each can do in its best window, and the best is refined by full fits.
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -249,13 +251,15 @@ std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& 
 Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
                        double worth) {
   const Eigen::Index longest = by.rows.size() * 2 / 5;  // what lasts longer is no window
+  std::vector<Scanned> by_link(grid.size());
+  tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
+    by_link[u] =
+        scan(by.rows, prefix_sums(spanned(grid[u]), base.model), grid[u][0].block->size(), longest, worth);
+    by_link[u].link = static_cast<int>(u);
+  });
   Scanned found;
-  for (std::size_t u = 0; u < grid.size(); ++u) {
-    Scanned here = scan(by.rows, prefix_sums(spanned(grid[u]), base.model), grid[u][0].block->size(), longest,
-                        found.gain);
-    here.link = static_cast<int>(u);
+  for (const Scanned& here : by_link)
     if (here.gain > found.gain) found = here;
-  }
   Adopted effect{&h, {}, 0.0};
   // The scan takes rows as independent, and so gains more than the fit will.
   if (found.link < 0 || found.gain < worth) return effect;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rows.hpp"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Eigenvalues>
@@ -285,56 +286,83 @@ double GapRows::start(int of_log) const {
 }
 
 Eigen::MatrixXd GapRows::filtered(const std::vector<Eigen::MatrixXd>& signals) const {
-  Eigen::Index rows = 0, columns = 0;
-  for (const Stretch& stretch : *stretches_) rows += stretch.count;
+  Eigen::Index columns = 0;
   for (const Eigen::MatrixXd& signal : signals) columns = std::max(columns, signal.cols());
-  const bool all = kept_.empty();
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(all ? rows : static_cast<Eigen::Index>(kept_.size()), columns);
-  Eigen::Index at = 0;  // of the rows that are kept
-  rows = 0;
-  for (std::size_t s = 0; s < signals.size(); ++s) {
-    const Stretch& stretch = (*stretches_)[s];
-    const Eigen::MatrixXd& x = signals[s];
-    // Many are zero but for a window.
-    Eigen::Index begin = 0, end = x.rows();
-    while (begin < end && x.row(begin).isZero(0.0)) ++begin;
-    while (end > begin && x.row(end - 1).isZero(0.0)) --end;
-    const auto put = [&](Eigen::Index k, Eigen::Index row) {
-      const Eigen::Index centre = stretch.filter.centre(stretch.first + k), reach = stretch.filter.reach();
-      if (begin < end && centre + reach >= begin && centre - reach < end)
-        out.row(row) = stretch.filter.output(stretch.first + k, x, 0, x.rows());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(parts.back(), columns);  // also while y is made
+  for (std::size_t s = 0; s < signals.size(); ++s) filter_stretch(s, signals[s], out);
+  return out;
+}
+
+void GapRows::filter_stretch(std::size_t s, const Eigen::MatrixXd& x, Eigen::MatrixXd& out) const {
+  constexpr Eigen::Index rows_of_a_task = 64;
+  const Stretch& stretch = (*stretches_)[s];
+  Eigen::Index before = 0;  // rows of the stretches before, were all rows kept
+  for (std::size_t k = 0; k < s; ++k) before += (*stretches_)[k].count;
+  Eigen::Index first = before, last = before + stretch.count;  // among the rows that are kept
+  if (!kept_.empty()) {
+    const auto place = [this](Eigen::Index row) -> Eigen::Index {
+      return std::lower_bound(kept_.begin(), kept_.end(), row) - kept_.begin();
     };
-    if (all)
-      for (Eigen::Index k = 0; k < stretch.count; ++k) put(k, rows + k);
-    else
-      for (; at < out.rows() && kept_[static_cast<std::size_t>(at)] < rows + stretch.count; ++at)
-        put(kept_[static_cast<std::size_t>(at)] - rows, at);
-    rows += stretch.count;
+    first = place(first);
+    last = place(last);
   }
+  // Many are zero but for a window.
+  Eigen::Index begin = 0, end = x.rows();
+  while (begin < end && x.row(begin).isZero(0.0)) ++begin;
+  while (end > begin && x.row(end - 1).isZero(0.0)) --end;
+  if (begin == end) return;
+  const Eigen::Index reach = stretch.filter.reach();
+  tbb::parallel_for(tbb::blocked_range<Eigen::Index>(first, last, rows_of_a_task),
+                    [&](const tbb::blocked_range<Eigen::Index>& part) {
+                      for (Eigen::Index row = part.begin(); row < part.end(); ++row) {
+                        const Eigen::Index k = stretch.first - before +
+                                               (kept_.empty() ? row : kept_[static_cast<std::size_t>(row)]);
+                        const Eigen::Index centre = stretch.filter.centre(k);
+                        if (centre + reach >= begin && centre - reach < end)
+                          out.row(row) = stretch.filter.output(k, x, 0, x.rows());
+                      }
+                    });
+}
+
+ColumnBlock GapRows::columns_of(const Hypothesis& h, int unit, const Eigen::VectorXd& shape,
+                                std::size_t s) const {
+  ColumnBlock out = h.columns((*motions_)[s], unit, shape);
+  if (lateness_.size() == 0 || h.lateness(shape) != 0.0) return out;
+  const Eigen::VectorXd& time = (*motions_)[s].t;
+  for (std::size_t k = 0; k < out.channels.size(); ++k)
+    for (auto column : out.values[k].colwise())
+      column = interpolate(time, Eigen::VectorXd(column), time.array() - lateness_[out.channels[k]]);
   return out;
 }
 
 RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const {
+  // Stretches are worked at together, but not so many that the columns of a log of hours stand in memory at
+  // once.
+  constexpr Eigen::Index samples_at_once = 65536;
   RowBlock out;
   out.nominal = h.nominal(motions_->front().robot(), unit);
-  std::vector<ColumnBlock> blocks(motions_->size());
-  for (std::size_t s = 0; s < blocks.size(); ++s) {
-    if (!used_[s]) continue;
-    blocks[s] = h.columns((*motions_)[s], unit, shape);
-    out.channels = blocks[s].channels;
-    if (lateness_.size() == 0 || h.lateness(shape) != 0.0) continue;
-    const Eigen::VectorXd& time = (*motions_)[s].t;
+  for (std::size_t begin = 0, end = 0; begin < motions_->size(); begin = end) {
+    Eigen::Index samples = (*motions_)[end++].samples();
+    while (end < motions_->size() && samples + (*motions_)[end].samples() <= samples_at_once)
+      samples += (*motions_)[end++].samples();
+    std::vector<ColumnBlock> blocks(end - begin);
+    tbb::parallel_for(begin, end, [&](std::size_t s) {
+      if (used_[s]) blocks[s - begin] = columns_of(h, unit, shape, s);
+    });
+    for (std::size_t s = begin; s < end; ++s) {
+      if (!used_[s] || !out.values.empty()) continue;
+      out.channels = blocks[s - begin].channels;
+      for (const Eigen::MatrixXd& values : blocks[s - begin].values)
+        out.values.push_back(Eigen::MatrixXd::Zero(size(), values.cols()));
+    }
+    tbb::parallel_for(std::size_t{0}, out.values.size(), [&](std::size_t k) {
+      for (std::size_t s = begin; s < end; ++s)
+        if (used_[s]) filter_stretch(s, blocks[s - begin].values[k], out.values[k]);
+    });
+  }
+  if (moves_.size() > 0)
     for (std::size_t k = 0; k < out.channels.size(); ++k)
-      for (auto column : blocks[s].values[k].colwise())
-        column = interpolate(time, Eigen::VectorXd(column), time.array() - lateness_[out.channels[k]]);
-  }
-  for (std::size_t k = 0; k < out.channels.size(); ++k) {
-    std::vector<Eigen::MatrixXd> signals(blocks.size());
-    for (std::size_t s = 0; s < blocks.size(); ++s)
-      if (used_[s]) signals[s] = std::move(blocks[s].values[k]);
-    out.values.push_back(filtered(signals));
-    if (moves_.size() > 0) out.values.back().array().colwise() *= moves_.col(out.channels[k]).array();
-  }
+      out.values[k].array().colwise() *= moves_.col(out.channels[k]).array();
   count_directions(out, white_floor);
   return out;
 }

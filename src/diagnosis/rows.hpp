@@ -101,6 +101,10 @@ class GapRows {
            Eigen::Index edge, int of_log);
   void fill(Motions motions, Stretches stretches);
   std::size_t stretch_of(Eigen::Index row) const;
+  /// x over the samples of stretch s, filtered into its rows of `out`.
+  void filter_stretch(std::size_t s, const Eigen::MatrixXd& x, Eigen::MatrixXd& out) const;
+  /// An effect's columns over the samples of stretch s, each channel with its lateness.
+  ColumnBlock columns_of(const Hypothesis& h, int unit, const Eigen::VectorXd& shape, std::size_t s) const;
   std::shared_ptr<const std::vector<GapMotion>> motions_;
   std::shared_ptr<const std::vector<Stretch>> stretches_;
   std::vector<Eigen::Index> kept_;  // empty: all
