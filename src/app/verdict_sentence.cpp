@@ -20,6 +20,19 @@ std::string nearest(const Diagnosis& d) {
          detail::page_number(most->probability) + ".";
 }
 
+/// What is said of the part of the gap that the named effects leave.
+std::string rest(const Diagnosis& d) {
+  const bool unsure = std::any_of(d.judgement.begin(), d.judgement.end(),
+                                  [](const Judgement& j) { return j.criterion == "set_explains"; });
+  if (!unsure) return "the rest is none of the known effects.";
+  std::vector<std::string> others;
+  for (const ConsideredEffect& c : d.considered)
+    if (std::none_of(d.effects.begin(), d.effects.end(),
+                     [&](const FoundEffect& e) { return e.effect.name == c.name; }))
+      others.push_back(with_spaces(c.name) + " at " + detail::page_number(c.probability));
+  return "what causes the rest cannot be told; nearest comes " + list_in_words(others) + ".";
+}
+
 }  // namespace
 
 std::string verdict_sentence(const Diagnosis& d) {
@@ -56,8 +69,7 @@ std::string verdict_sentence(const Diagnosis& d) {
              " of it goes away on data that took no part.";
     case Verdict::partly_explained:
       return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") +
-             " part of the gap: " + shrink +
-             " of it goes away on data that took no part; the rest is none of the known effects.";
+             " part of the gap: " + shrink + " of it goes away on data that took no part; " + rest(d);
     case Verdict::unexplained:
       return "There is a gap, and none of the known effects explains it" + nearest(d);
     case Verdict::misread: {

@@ -92,6 +92,7 @@ std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, 
       judged.windowed && (choice.split.several || everything.size() > options.criteria.searched_rows);
   const GapRows& whole = where_found ? choice.rows : everything;
   GapModel model = judged.model;
+  model.effects.insert(model.effects.end(), judged.beside.begin(), judged.beside.end());
   model.effects = carried(whole, model.effects);
   model.fit = fit_of(whole, model.effects, model.kappa);
   std::vector<FoundEffect> out;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "dynid/base/statistics.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/diagnosis/calibration.hpp"
 #include "energy.hpp"
 #include "held_out.hpp"
@@ -106,6 +107,7 @@ class Judge {
     }
     out.ranked.ranking = all.ranking;
     std::vector<Adopted> likely;
+    std::vector<bool> sure(out.model.effects.size(), false);
     for (std::size_t k = 0; k < out.model.effects.size(); ++k) {
       const Adopted& e = out.model.effects[k];
       ConsideredEffect here{e.h->name(), {}, out.shares[k], all.grounds[k], all.probability[k]};
@@ -122,14 +124,64 @@ class Judge {
         continue;
       }
       likely.push_back(e);
+      sure[k] = true;
       out.ranked.probability.push_back(all.probability[k]);
       out.ranked.aliases.push_back(all.aliases[k]);
     }
     std::stable_sort(out.considered.begin(), out.considered.end(),
                      [](const ConsideredEffect& a, const ConsideredEffect& b) { return a.share > b.share; });
     if (likely.size() == out.model.effects.size()) return;
-    out.model = choice_.search.evaluate(std::move(likely), out.model.kappa);
+    const Judged all_of_it = out;
+    out.model = choice_.search.evaluate(likely, out.model.kappa);
     measure(out);
+    if (!likely.empty() && !answers(out) && is_the_story(all_of_it)) name_part(out, all_of_it, sure);
+  }
+
+  /// The effects of the model, with nothing beside them, take enough of the gap to be an answer.
+  bool answers(const Judged& out) const {
+    return out.explained >= criteria_.least_shrink && beyond_nominal(out.model) >= criteria_.least_shrink;
+  }
+
+  /// All of the gap is taken, also where nothing was chosen or fitted.
+  bool is_the_story(const Judged& out) const {
+    if (!answers(out) ||
+        (out.explained < criteria_.fully_explained && unexplained(out.model.fit.residual, out.model.kappa)))
+      return false;
+    const Shrink shrink = judged_in_held(out.model) ? shrink_in_held(out.model, true) : out.shrink;
+    return shrink.fraction >= criteria_.least_shrink;
+  }
+
+  /// A set is the whole story, and only some of it is sure. Those are named, with the sizes that they have
+  /// beside the others: what these are cannot be told, but not that something is there.
+  void name_part(Judged& out, const Judged& all_of_it, const std::vector<bool>& sure) const {
+    const GapModel& whole = all_of_it.model;
+    std::vector<std::string> names;
+    std::vector<Eigen::Index> kept;  // of the coefficients
+    out.model = whole;
+    out.model.effects.clear();
+    Eigen::Index at = 0;
+    for (std::size_t k = 0; k < whole.effects.size(); ++k) {
+      const Adopted& e = whole.effects[k];
+      for (const UnitShape& u : e.units)
+        for (Eigen::Index left = e.h->shape_only() ? 0 : u.block->size(); left > 0; --left, ++at)
+          if (sure[k]) kept.push_back(at);
+      if (sure[k]) {
+        out.model.effects.push_back(e);
+        continue;
+      }
+      const Eigen::MatrixXd own = own_contribution(whole, k);
+      out.model.fit.left += own;
+      out.model.fit.residual += own;
+      out.beside.push_back(e);
+      names.push_back(e.h->name());
+    }
+    out.model.fit.theta = whole.fit.theta(kept).eval();
+    out.explained = explained(out.model, out.shrink);
+    out.judgement.push_back(
+        {"set_explains", all_of_it.explained, criteria_.least_shrink, true,
+         "part of the gap that the effects explain together with what is not sure enough to "
+         "be named: " +
+             join(names)});
   }
 
   /// What the model explains, and the shares of its effects.
@@ -157,6 +209,7 @@ class Judge {
           "chance that a gap unrelated to the motion is explained as well by any effect");
       return without_effects;
     }
+    const bool part = !out.beside.empty();  // of a set that was judged
     const bool enough = out.explained >= criteria_.least_shrink;
     say(out, "least_explained", out.explained, criteria_.least_shrink, enough,
         "part of the gap that the effects explain, where they were fitted and where they were not");
@@ -164,7 +217,7 @@ class Judge {
     const bool effects_do = beyond >= criteria_.least_shrink;
     say(out, "beyond_nominal", beyond, criteria_.least_shrink, effects_do,
         "part that the effects explain of what errors of the nominal model alone leave");
-    if (!enough || !effects_do) return without_effects;
+    if (!part && (!enough || !effects_do)) return without_effects;
     const bool left = unexplained(model.fit.residual, model.kappa);
     say(out, "fully_explained", out.explained, criteria_.fully_explained,
         !left || out.explained >= criteria_.fully_explained,
@@ -179,7 +232,7 @@ class Judge {
     if (!(out.shrink.fraction > 0.0) && !has_once(model)) return without_effects;
     // What may be no gap at all has to be as sure as what is within the tolerance.
     if ((size.within() || !there) && least < criteria_.least_probability_within) return without_effects;
-    return (left && out.explained < criteria_.fully_explained) || !sure || !shrinks
+    return part || (left && out.explained < criteria_.fully_explained) || !sure || !shrinks
                ? Verdict::partly_explained
                : Verdict::explained;
   }

@@ -13,8 +13,10 @@ namespace dynid::detail {
 struct Judged {
   GapModel model;              ///< the choice, or what of it holds
   std::vector<double> shares;  ///< of each of its effects
-  double explained = 0.0;      ///< least part of the gap's energy that they explain, fitted or held out
-  Ranked ranked;               ///< of the model; its ranking is of what was considered
+  std::vector<Adopted>
+      beside;              ///< what the model's effects were fitted with, and what is too unsure to be named
+  double explained = 0.0;  ///< least part of the gap's energy that they explain, fitted or held out
+  Ranked ranked;           ///< of the model; its ranking is of what was considered
   std::vector<ConsideredEffect> considered;
   Shrink shrink;  ///< where nothing was chosen or fitted
   bool windowed = false, within = false;

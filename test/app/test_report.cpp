@@ -105,6 +105,18 @@ TEST(Report, IsWellFormedWithEverySectionOnceWhateverTheVerdict) {
   }
 }
 
+// What of a set is too unsure to be named is said as such: it is no unknown effect.
+TEST(Report, TheSentenceSaysWhatIsNotSure) {
+  Diagnosis d = example(Verdict::partly_explained);
+  EXPECT_NE(verdict_sentence(d).find("none of the known effects"), std::string::npos) << verdict_sentence(d);
+  d.considered = {{"torque_gain", {2}, 0.6, {}, 0.42}, {"viscous_friction", {2}, 0.4, {}, 0.97}};
+  d.judgement.push_back({"set_explains", 0.99, 0.65, true, "together"});
+  EXPECT_NE(
+      verdict_sentence(d).find("what causes the rest cannot be told; nearest comes torque gain at 0.42."),
+      std::string::npos)
+      << verdict_sentence(d);
+}
+
 TEST(Report, StandsAlone) {
   const std::string page = to_html(example(Verdict::explained), context());
   for (const char* part : {"<link", "<img", "<iframe", " src=", "url(", "@import", "href=\"http"})

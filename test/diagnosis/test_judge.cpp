@@ -4,16 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <random>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "diagnosis/blind_case.hpp"
 #include "diagnosis/energy.hpp"
 #include "dynid/diagnosis/diagnose.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/identification/predict.hpp"
 #include "dynid/model/robot_file.hpp"
+#include "dynid/signal/log.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
@@ -124,6 +127,55 @@ TEST(Judge, WhatIsNotToldApartIsNamedTogether) {
 }
 
 // A joint that is quieter than its floor does not make up for the gap of another.
+// Of a set that takes the whole gap one effect is sure and others, with most of the gap, are not: the sure
+// one is named, as large as it is beside them, and that there is more is said without a name. (A vendor's
+// model of six joints, at 30 Hz, with a gain that other effects come near to; the gap was unexplained.)
+TEST(Judge, WhatIsSureIsNamedBesideWhatIsNot) {
+  BlindOptions blind;
+  blind.seed = 16102;
+  blind.kind = BlindKind::vendor;
+  blind.family = true;
+  blind.cases = 100;
+  constexpr int which = 56;
+  const detail::Stage stage = detail::stage_of(Robot(), blind, which, 0);
+  const detail::Draw drawn = detail::draw_case(stage, blind, which, 0);
+  const std::string folder = testing::TempDir() + "/dynid_unsure";
+  std::filesystem::create_directories(folder);
+  detail::record(stage, detail::kind_of(blind, which), drawn, folder);
+  std::vector<Log> logs;
+  for (const auto& file : std::filesystem::directory_iterator(folder))
+    if (file.path().extension() == ".csv") logs.push_back(read_log(file.path().string()));
+  ASSERT_EQ(logs.size(), 1u);
+  const Diagnosis d = told(stage.nominal, logs);
+  EXPECT_EQ(d.verdict, Verdict::partly_explained);
+  EXPECT_LT(d.explained, DiagnoseOptions().criteria.least_shrink)
+      << "what is named is most of the gap by itself";
+  const auto said = std::find_if(d.judgement.begin(), d.judgement.end(),
+                                 [](const Judgement& j) { return j.criterion == "set_explains"; });
+  ASSERT_NE(said, d.judgement.end());
+  EXPECT_GT(said->value, 0.9);
+  EXPECT_NE(said->text.find("torque_gain"), std::string::npos) << said->text;
+  ASSERT_EQ(d.effects.size(), 1u);
+  EXPECT_EQ(d.effects[0].effect.name, "coulomb_friction");
+  EXPECT_NEAR(d.effects[0].parameters[0].value[0], 0.2019, 0.02);  // 0.26 fitted alone
+}
+
+// A gap that may be noise has a cause only where that is as sure as one within the tolerance has to be.
+TEST(Judge, WhatMayBeNoiseHasToBeSure) {
+  const Robot robot = panda();
+  const std::vector<Log> logs = {recorded(robot, {"viscous_friction:joints=3,coefficient=1.5"}, 41),
+                                 recorded(robot, {"viscous_friction:joints=3,coefficient=1.5"}, 42)};
+  DiagnoseOptions options;
+  options.replay = false;
+  options.criteria.detection = -1.0;  // whatever its p-value
+  EXPECT_EQ(diagnose(robot, logs, options).verdict, Verdict::explained);
+  options.criteria.least_probability_within = 1.01;
+  const Diagnosis d = diagnose(robot, logs, options);
+  EXPECT_EQ(d.verdict, Verdict::not_detected);
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_FALSE(d.considered.empty());
+}
+
 TEST(Judge, AGapOfOneJointIsOne) {
   const Eigen::VectorXd floor = Eigen::VectorXd::Ones(4);
   Eigen::MatrixXd before = Eigen::MatrixXd::Constant(50, 4, 0.1);
