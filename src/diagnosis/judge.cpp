@@ -152,7 +152,7 @@ class Judge {
   }
 
   /// A set is the whole story, and only some of it is sure. Those are named, with the sizes that they have
-  /// beside the others: what these are cannot be told, but not that something is there.
+  /// beside the others: that these take their part of the gap is certain, what they are is not.
   void name_part(Judged& out, const Judged& all_of_it, const std::vector<bool>& sure) const {
     const GapModel& whole = all_of_it.model;
     std::vector<std::string> names;
