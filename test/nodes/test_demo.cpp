@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "time_scale.hpp"
+
 namespace {
 
 double norm(const nlohmann::json& values) {
@@ -26,7 +28,7 @@ TEST(Demo, FindsTheHiddenPayloadAllByItself) {
   // In the master that the test was started with.
   const std::string command =
       "roslaunch dynid demo.launch headless:=true effect:=payload:mass=1.8,com=-0.03:0.02:0.1 out:=" +
-      folder + " 2>&1";
+      folder + " patience:=" + std::to_string(180.0 * dynid::test::time_scale()) + " 2>&1";
   FILE* const pipe = popen(command.c_str(), "r");
   ASSERT_NE(pipe, nullptr);
   std::string story;

@@ -15,6 +15,7 @@
 #include "dynid/effect/catalogue.hpp"
 #include "dynid/effect/parse.hpp"
 #include "dynid/model/robot_file.hpp"
+#include "time_scale.hpp"
 
 namespace {
 
@@ -50,8 +51,8 @@ std::string argument(const EffectSchema& schema) {
 std::string launch(const std::string& arguments, int& status) {
   const std::string command =
       "roslaunch dynid demo.launch headless:=true retrieve:=false false_alarms_per_hour:=0 rest:=0.4 "
-      "push_duration:=0.6 approach_velocity:=1 " +
-      arguments + " 2>&1";
+      "push_duration:=0.6 approach_velocity:=1 patience:=" +
+      std::to_string(180.0 * dynid::test::time_scale()) + " " + arguments + " 2>&1";
   std::string story;
   FILE* const pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) return "roslaunch cannot be started";

@@ -20,6 +20,7 @@
 #include "dynid/signal/trajectory.hpp"
 #include "identification/synthetic.hpp"
 #include "ros/bag.hpp"
+#include "time_scale.hpp"
 
 namespace dynid {
 namespace {
@@ -29,7 +30,7 @@ using sensor_msgs::JointState;
 
 /// Waits for it, 30 s at most.
 bool eventually(const std::function<bool()>& condition, double seconds = 30.0) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(test::time_scale() * seconds);
   while (ros::WallTime::now() < end) {
     if (condition()) return true;
     ros::WallDuration(0.01).sleep();
