@@ -159,7 +159,8 @@ std::vector<FoundEffect> found_servo_effects(const Robot& nominal, const std::ve
           const double value = a.fit.x[at(word.knob)] - (word.added ? a.problem.nominal[at(word.knob)] : 0.0);
           const double times = word.knob == Knob::backlash ? 2.0 : 1.0;  // a gap is from end to end
           add_value(found, nominal, j, word, times * value,
-                    times * std::sqrt(std::max(0.0, covariance(at_knob, at_knob))));
+                    times * std::hypot(std::sqrt(std::max(0.0, covariance(at_knob, at_knob))),
+                                       criteria.form_of_size * value));
         }
         if (effect.free.front() == Knob::spring) {
           const double stiffness = a.fit.x[at(Knob::spring)] - a.problem.nominal[at(Knob::spring)],

@@ -40,6 +40,9 @@ struct ServoCriteria {
   /// name is surer than `most_probable`: on a real SO-101 two sets of motions agree on the size of what is
   /// off, and on less than all of the names.
   double form_error = 2.0, most_probable = 0.85;
+  /// Standard deviation, in parts of itself, below which no size of an effect of a joint is known: the form
+  /// is not the robot's. Of the cases of seeds 171001, 171002 and 171004.
+  double form_of_size = 0.01;
   /// `explained` is said where every effect named has `least_probability`, the gap's energy shrinks by this
   /// part on data that took no part ...
   double least_shrink = 0.65;
