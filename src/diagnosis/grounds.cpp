@@ -40,7 +40,7 @@ Eigen::VectorXd by_joint(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor)
   return rms(x).cwiseQuotient(floor).cwiseAbs2();
 }
 
-/// Part of the gap beyond the floor that is left on the joints where `own` acts, each as far as it does.
+/// Part of the gap (rms) beyond the floor that is left on the joints where `own` acts, each as far as it does.
 double rest_of(const Eigen::VectorXd& before, const Eigen::VectorXd& after, const Eigen::VectorXd& own) {
   double gap = 0.0, left = 0.0;
   for (Eigen::Index j = 0; j < own.size(); ++j) {
@@ -48,7 +48,7 @@ double rest_of(const Eigen::VectorXd& before, const Eigen::VectorXd& after, cons
     gap += weight * std::max(0.0, before[j] - 1.0);
     left += weight * std::max(0.0, after[j] - 1.0);
   }
-  return gap > 0.0 ? std::clamp(left / gap, 0.0, 1.0) : 1.0;
+  return gap > 0.0 ? std::sqrt(std::clamp(left / gap, 0.0, 1.0)) : 1.0;
 }
 
 }  // namespace

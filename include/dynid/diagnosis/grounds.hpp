@@ -16,7 +16,7 @@ enum class Ground : std::size_t {
   unlike,     ///< log of the part of its energy that the best other in its place leaves
   transfer,   ///< energy that it takes where it was not fitted, per energy that it has there: 1 if true, 0 if
               ///< not
-  rest,       ///< part of the gap of its own joints that the set leaves, where it was fitted
+  rest,       ///< part of the gap (rms) of its own joints that the set leaves, where it was fitted
   rest_held,  ///< and where it was not
   share,      ///< log of its share of what the set explains
   above_form,   ///< log of its torque (rms) per form error of the others, on the joint where it is clearest
