@@ -245,9 +245,10 @@ Uncertainty uncertainty_in(const YamlItem& item, int joints) {
   uncertainty.motion_bandwidth = motion.at("bandwidth").positive_number();
   uncertainty.period = motion.at("period").number();
   uncertainty.position_noise = motion.at("position_noise").positive_number();
-  tail.expect_keys({"level", "scale", "per_hour"});
+  tail.expect_keys({"level", "scale", "per_hour", "count"});
   uncertainty.tail = {tail.at("level").positive_number(), tail.at("scale").positive_number(),
-                      tail.at("per_hour").positive_number()};
+                      tail.at("per_hour").positive_number(),
+                      tail.has("count") ? tail.at("count").number() : 0.0};
   for (const YamlItem& entry : item.at("joints").list()) {
     entry.expect_keys({"constant", "speed", "stiction", "load", "acceleration", "stiction_speed", "sticking",
                        "extent", "contact_point"});
@@ -454,6 +455,7 @@ void put_uncertainty(YAML::Emitter& out, const Uncertainty& uncertainty) {
   put(out, "level", uncertainty.tail.level);
   put(out, "scale", uncertainty.tail.scale);
   put(out, "per_hour", uncertainty.tail.per_hour);
+  if (uncertainty.tail.count > 0.0) put(out, "count", uncertainty.tail.count);
   out << YAML::EndMap;
   out << YAML::Key << "joints" << YAML::Value << YAML::BeginSeq;
   for (const JointUncertainty& joint : uncertainty.joints) {

@@ -204,6 +204,23 @@ long false_alarms(const Judged& judged, double per_hour, double seconds, unsigne
   return alarms;
 }
 
+long alarms_in(const Judged& judged, const Log& log, double per_hour) {
+  TorqueEstimatorOptions options = estimator_options(judged);
+  options.test.false_alarms_per_hour = per_hour;
+  TorqueEstimator<> estimator(judged.model, options);
+  long alarms = 0;
+  bool was = false;
+  for (Eigen::Index k = 0; k < log.samples(); ++k) {
+    const bool now = estimator
+                         .step(k > 0 ? log.t[k] - log.t[k - 1] : 0.0, log.q.row(k).transpose(),
+                               log.dq.row(k).transpose(), log.tau.row(k).transpose())
+                         .pushed.detected;
+    alarms += now && !was;
+    was = now;
+  }
+  return alarms;
+}
+
 double percentile(std::vector<double> x, double part) {
   if (x.empty()) return INFINITY;
   std::sort(x.begin(), x.end());
@@ -281,7 +298,7 @@ double seconds_asked() {
 
 void expect_as_promised(const Score& s, const std::string& name) {
   EXPECT_LE(s.alarms_per_hour, 1.0) << name;
-  EXPECT_LE(s.often_per_hour, 2400.0) << name;
+  EXPECT_LE(s.often_per_hour, 1500.0) << name;
   EXPECT_GE(s.seen, 0.95 * s.strong) << name;
   EXPECT_LE(s.median, 0.010) << name;
   EXPECT_LE(s.ninety, 0.025) << name;
@@ -339,13 +356,14 @@ Robot six_joint_arm(const std::string& name, double size, double weight) {
   return robot;
 }
 
-Log simulated_log(const Robot& robot, double duration, unsigned long seed) {
+/// motion: seed of another than its own.
+Log simulated_log(const Robot& robot, double duration, unsigned long seed, unsigned long motion = 0) {
   SimulateOptions options;
   options.seed = seed;
   options.spread = 0.02;
   options.measurement = MeasurementOptions::realistic();
   options.record_torques = false;
-  Log log = simulate(robot, {}, random_motion(robot, duration, seed), options).log;
+  Log log = simulate(robot, {}, random_motion(robot, duration, motion > 0 ? motion : seed), options).log;
   log.source = robot.name;
   return log;
 }
@@ -368,6 +386,49 @@ TEST(Contact, PushesOnSimulatedArms) {
     EXPECT_LE(s.wrench, 0.7) << judged.name;
   }
   EXPECT_GE(weak_seen, 2 * weak_fixed);
+}
+
+// Halves of other arms of the same two sizes: alarms in the other half, which holds the same motion, and in
+// motions that the log has not. DYNID_TEST_ARMS: how many seeds; DYNID_TEST_FIRST_ARM: the first of them.
+TEST(Contact, FalseAlarmsOfOtherArms) {
+  const auto number = [](const char* name, unsigned long otherwise) {
+    const char* text = std::getenv(name);
+    return text != nullptr ? std::strtoul(text, nullptr, 10) : otherwise;
+  };
+  const unsigned long first = number("DYNID_TEST_FIRST_ARM", 8200), arms = number("DYNID_TEST_ARMS", 1);
+  constexpr int motions = 8;
+  constexpr double duration = 13.0;  // [s] of each: one period
+  int halves_judged = 0, above_one = 0, above_often = 0, other_above_often = 0;
+  for (unsigned long seed = first; seed < first + arms; ++seed)
+    for (const auto& [size, weight] : std::vector<std::pair<double, double>>{{1.0, 1.0}, {2.0, 20.0}}) {
+      const Robot robot = six_joint_arm(weight > 1.0 ? "heavy arm" : "cobot", size, weight);
+      const Log log = simulated_log(robot, 20.0, seed);
+      for (const bool second : {false, true}) {
+        const Judged judged = halves(robot.name, robot, log, FrictionLaw::linear, second);
+        const double hours = seconds_asked() / 3600.0;
+        const double one = double(false_alarms(judged, 1.0, seconds_asked(), 5)) / hours;
+        const double often = double(false_alarms(judged, 1200.0, seconds_asked(), 5)) / hours;
+        double other_one = 0.0, other_often = 0.0;
+        for (unsigned long motion = 0; motion < motions; ++motion) {
+          const Log other = simulated_log(robot, duration, seed, 1000000 + 10 * seed + motion);
+          other_one += double(alarms_in(judged, other, 1.0));
+          other_often += double(alarms_in(judged, other, 1200.0));
+        }
+        const double other_hours = motions * duration / 3600.0;
+        std::printf(
+            "%lu %s, %s half learnt from: false alarms an hour %.2f with 1 allowed, %.0f with 1200; in other "
+            "motions %.0f and %.0f\n",
+            seed, robot.name.c_str(), second ? "second" : "first", one, often, other_one / other_hours,
+            other_often / other_hours);
+        ++halves_judged, above_one += one > 1.0, above_often += often > 1200.0;
+        other_above_often += other_often / other_hours > 1200.0;
+      }
+    }
+  std::printf("%d halves: more than 1 an hour in %d, than 1200 in %d; in other motions than 1200 in %d\n",
+              halves_judged, above_one, above_often, other_above_often);
+  EXPECT_EQ(above_one, 0);
+  // Of few halves there are more than 5 % by chance: two standard deviations.
+  EXPECT_LE(above_often, 0.05 * halves_judged + 2.0 * std::sqrt(0.05 * halves_judged));
 }
 
 // An arm whose bodies, friction and torques are eight times as large strays eight times as far, and its
@@ -422,6 +483,31 @@ TEST(Contact, ThresholdFollowsTheFalseAlarmsAllowed) {
   EXPECT_DOUBLE_EQ(tail.threshold(1000.0), 20.0);
   EXPECT_DOUBLE_EQ(tail.threshold(1e6), 20.0);
   EXPECT_NEAR(tail.threshold(1.0) - tail.threshold(std::exp(1.0)), 5.0, 1e-12);
+  const ContactTail many{20.0, 5.0, 1000.0, 1e9};
+  EXPECT_NEAR(many.threshold(1.0), tail.threshold(1.0), 1e-6);
+}
+
+// Scales are learnt from few values: over many such lessons the threshold is passed as often as was asked
+// for, not more. With the scale taken for known it is passed up to a hundred times as often.
+TEST(Contact, ThresholdFromFewValuesKeepsItsPromise) {
+  constexpr double scale = 3.0, level = 10.0, per_hour = 14400.0;
+  constexpr int lessons = 200000;
+  for (const int count : {5, 10, 40})
+    for (const double rate : {1.0, 100.0}) {
+      Generator generator(17);
+      double passed = 0.0, square = 0.0, passed_known = 0.0;
+      for (int i = 0; i < lessons; ++i) {
+        double sum = 0.0;
+        for (int k = 0; k < count; ++k) sum -= scale * std::log(1.0 - uniform(generator, 0.0, 1.0));
+        ContactTail tail{level, sum / count, per_hour, double(count)};
+        const auto often = [&] { return per_hour * std::exp(-(tail.threshold(rate) - level) / scale); };
+        passed += often() / lessons, square += often() * often() / lessons;
+        tail.count = 0.0;
+        passed_known += often() / lessons;
+      }
+      EXPECT_NEAR(passed, rate, 5.0 * std::sqrt(square / lessons)) << count << " values, " << rate;
+      EXPECT_GT(passed_known, 1.1 * rate) << count << " values, " << rate;
+    }
 }
 
 Uncertainty simple(int n, double sticking) {
@@ -551,6 +637,7 @@ TEST(Contact, UncertaintySurvivesTheModelFile) {
   u.period = 1e-3, u.motion_bandwidth = 50.0;
   u.joints[6].contact_point = Eigen::Vector3d(0, 0, 0.107);
   u.seconds = 10.5;
+  u.tail.count = 36.0;
   const std::string text = to_yaml(model, u);
   const std::optional<Uncertainty> again = parse_uncertainty(text, "model.yaml");
   ASSERT_TRUE(again.has_value());
@@ -558,6 +645,7 @@ TEST(Contact, UncertaintySurvivesTheModelFile) {
   EXPECT_EQ(again->joints[3].load, 1.0 / 3.0);
   EXPECT_EQ(again->correlation, u.correlation);
   EXPECT_EQ(again->period, u.period);
+  EXPECT_EQ(again->tail.count, 36.0);
   EXPECT_EQ(parse_model(text, "model.yaml").robot.size(), 7);
   EXPECT_FALSE(parse_uncertainty(to_yaml(model), "model.yaml").has_value());
   const auto refused = [](std::string wrong, const std::string& part) {
@@ -578,6 +666,10 @@ TEST(Contact, UncertaintySurvivesTheModelFile) {
   refused(with("window: 80", "window: 0"), "window");
   refused(with("level: 20", "level: -20"), "level");
   refused(with("period: ", "periods: "), "periods");
+  refused(with("count: 36", "count: -36"), "count");
+  // Of a file from before there was a count, the scale is taken for known.
+  const std::optional<Uncertainty> older = parse_uncertainty(with(", count: 36", ""), "model.yaml");
+  EXPECT_EQ(older->tail.count, 0.0);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ TEST(MotionFilter, FollowsConstantAccelerationExactly) {
       const double dt = uniform(generator, 0.0005, 0.003);
       t += dt;
       EXPECT_EQ(filter.elapsed(dt, at(t)), dt);
-      filter.update(dt, at(t));
+      filter.update(dt, at(t), dt);
     }
     EXPECT_LT((filter.position() - at(t)).norm(), 1e-9) << w;
     EXPECT_LT((filter.velocity() - v0 - a * t).norm(), 1e-7) << w;
@@ -51,7 +51,7 @@ TEST(MotionFilter, FindsTheRobotsClockBehindJitteringStamps) {
     const double next = t + uniform(generator, 0.0, 0.3) * period;
     const double elapsed = filter.elapsed(next - stamp, q(t));
     wrong += std::abs(elapsed - periods * period) > 1e-9;
-    filter.update(elapsed, q(t));
+    filter.update(elapsed, q(t), next - stamp);
     stamp = next;
     if (k % 50 == 0 && filter.velocity().norm() > 0.1) {
       ++repeats;
@@ -65,13 +65,43 @@ TEST(MotionFilter, FindsTheRobotsClockBehindJitteringStamps) {
   EXPECT_LT(worst, 3.0 * std::hypot(0.5 * 27.0, 0.3 * 4.1 * 4.1 * 4.1) / (100.0 * 100.0));
 }
 
-// At rest only the stamps speak.
+// A velocity of half or a third the true one makes two or three periods of each, which confirm it: the stamps
+// must end that.
+TEST(MotionFilter, WrongVelocityDoesNotConfirmItself) {
+  constexpr double period = 1e-3;
+  for (const double bandwidth : {25.0, 50.0, 100.0, 200.0})
+    for (const double part : {0.5, 1.0 / 3.0, 2.0}) {
+      Generator generator(7);
+      MotionFilter<2> filter(2, {bandwidth, period, 1e-6});
+      const auto q = [](double t) { return Vector2d(0.5 * std::sin(1.5 * t), 0.3 * std::sin(2.1 * t)); };
+      const auto dq = [](double t) { return Vector2d(0.75 * std::cos(1.5 * t), 0.63 * std::cos(2.1 * t)); };
+      filter.start(q(0.0), part * dq(0.0));
+      double t = 0.0, stamp = 0.0, since = 0.0, counted = 0.0;
+      for (int k = 0; k < 5000; ++k) {
+        t += period;
+        const double next = t + uniform(generator, 0.0, 0.3) * period;
+        since += next - stamp;
+        stamp = next;
+        const double elapsed = filter.elapsed(since, q(t));
+        if (!(elapsed > 0.0)) continue;
+        filter.update(elapsed, q(t), since);
+        counted += elapsed, since = 0.0;
+      }
+      EXPECT_NEAR(counted, t, 10.0 * period) << bandwidth << " " << part;  // those of the beginning
+      EXPECT_LT((filter.velocity() - dq(t)).norm(), 0.05 * dq(t).norm()) << bandwidth << " " << part;
+    }
+}
+
+// At rest only the stamps speak, each late by 0 to 0.4 ms.
 TEST(MotionFilter, CountsStampsAtRest) {
   MotionFilter<2> filter(2, {100.0, 0.002, 1e-5});
   filter.start(Vector2d::Ones(), Vector2d::Zero());
-  for (const int periods : {1, 2, 7}) {
-    EXPECT_NEAR(filter.elapsed(0.002 * periods + 0.0004, Vector2d::Ones()), 0.002 * periods, 1e-12);
-    filter.update(0.002 * periods, Vector2d::Ones());
+  double was_late = 0.0;
+  for (const int periods : {1, 2, 7, 1, 3}) {
+    const double late = was_late > 0.0 ? 0.0 : 0.0004, stamped = 0.002 * periods + late - was_late;
+    EXPECT_NEAR(filter.elapsed(stamped, Vector2d::Ones()), 0.002 * periods, 1e-12);
+    filter.update(0.002 * periods, Vector2d::Ones(), stamped);
+    was_late = late;
   }
   EXPECT_EQ(filter.velocity(), Vector2d(Vector2d::Zero()));
 }

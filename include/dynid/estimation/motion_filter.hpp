@@ -20,8 +20,10 @@ struct MotionFilterOptions {
 ///
 /// A robot samples by its own clock, but messages are stamped when they are sent: stamps that jitter by 0.2
 /// ms cost 0.2 mrad at 1 rad/s, ten times an encoder's noise. Where the period is known, the time between two
-/// samples is the number of periods nearest to what stamp and motion say together: the stamp is good to 0.3
-/// periods, the motion along the present velocity to `position_noise`.
+/// samples is the number of periods nearest to what stamp and motion say together. A stamp is good to 0.3
+/// periods; it tells the time since the periods counted so far, so that a wrong count is made good by the
+/// next. The motion along the present velocity is good to `position_noise`, the velocity to 5 %: one that a
+/// wrong count has spoilt would otherwise confirm it for ever.
 ///
 /// The constructor throws Error on a value out of range and, for N = Eigen::Dynamic, allocates; nothing else
 /// does.
@@ -56,6 +58,7 @@ class MotionFilter {
     x_ = last_ = q;
     v_ = dq;
     a_.setZero();
+    late_ = usual_ = 0.0;
   }
 
   /// Time since the sample before [s], a multiple of the period where there is one: 0 says that q is that of
@@ -63,21 +66,26 @@ class MotionFilter {
   double elapsed(double dt, const Vector& q) const noexcept {
     const double T = options_.period;
     if (!(T > 0.0)) return dt;
-    const double position = 1.0 / (options_.position_noise * options_.position_noise);
-    const double stamp = 1.0 / (0.09 * T * T);
     double along = 0.0, speed = 0.0;
     for (Eigen::Index i = 0; i < v_.size(); ++i) {
       const double v = v_[i] + 0.5 * dt * a_[i];  // in the middle
       along += v * (q[i] - last_[i]);
       speed += v * v;
     }
-    const double likely = (along * position + dt * stamp) / (speed * position + stamp);
+    const double stamped = dt + late_ - usual_;  // since a stamp as late as usual
+    // Of the motion along v: two samples' noise, and the velocity's error.
+    const double noise = options_.position_noise, error = velocity_error * along;
+    const double motion = 1.0 / (2.0 * noise * noise + error * error / std::fmax(speed, tiny));
+    const double stamp = 1.0 / (0.09 * T * T);
+    const double likely = (along * motion + stamped * stamp) / (speed * motion + stamp);
     return T * std::round(std::fmax(likely / T, 0.0));
   }
 
-  /// The next sample, dt > 0 [s] of elapsed() later; q: n.
-  void update(double dt, const Vector& q) noexcept {
+  /// The next sample, dt > 0 [s] of elapsed() later, `stamped` [s] by the stamps; q: n.
+  void update(double dt, const Vector& q, double stamped) noexcept {
     if (dt != step_) tune(dt);
+    late_ += stamped - dt;
+    usual_ += std::fmin(dt / lateness_memory, 1.0) * (late_ - usual_);
     for (Eigen::Index i = 0; i < v_.size(); ++i) {
       const double a = a_[i], v = v_[i] + dt * a, x = x_[i] + dt * (v_[i] + 0.5 * dt * a);
       const double e = q[i] - x;
@@ -94,6 +102,10 @@ class MotionFilter {
   const MotionFilterOptions& options() const noexcept { return options_; }
 
  private:
+  static constexpr double velocity_error = 0.05;
+  static constexpr double lateness_memory = 0.5;  // [s]: clocks drift apart, a network changes its delay
+  static constexpr double tiny = 1e-300;
+
   // Gains that put all three poles of the sampled filter at exp(-w dt).
   void tune(double dt) noexcept {
     const double b = std::exp(-options_.bandwidth * dt), c = 1.0 - b;
@@ -105,6 +117,7 @@ class MotionFilter {
 
   MotionFilterOptions options_;
   Vector x_, v_, a_, last_;
+  double late_ = 0.0, usual_ = 0.0;  // [s] of the stamps behind the periods counted since the start
   double step_ = 0.0, gain_x_ = 0.0, gain_v_ = 0.0, gain_a_ = 0.0;
 };
 

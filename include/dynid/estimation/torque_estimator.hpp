@@ -284,7 +284,7 @@ class TorqueEstimator {
       if (started_) {
         dt_used = motion_.elapsed(elapsed_, next_q_);
         if (!(dt_used > 0.0)) return hold(status | Status::stale);
-        motion_.update(dt_used, next_q_);
+        motion_.update(dt_used, next_q_, elapsed_);
       } else {
         motion_.start(next_q_, next_dq_);
       }

@@ -41,16 +41,21 @@ struct JointUncertainty {
   }
 };
 
-/// How often the statistic of the ContactTest passes a value where nothing touches the robot: `level`
-/// `per_hour` times an hour, level + x exp(-x / scale) times as often.
+/// At most how often the statistic of the ContactTest passes a value where nothing touches the robot: `level`
+/// `per_hour` times an hour, level + x exp(-x / scale) times as often if the scale is known. It is the mean
+/// of `count` values beyond the level: over all scales that may have made it (each as likely as its double),
+/// level
+/// + x is passed (1 + x / (count scale))^-count times as often as the level.
 struct ContactTail {
   double level = 0.0;     ///< > 0
   double scale = 0.0;     ///< > 0
   double per_hour = 0.0;  ///< > 0
+  double count = 0.0;     ///< 0: the scale is known
 
   /// The statistic that is passed `rate` times an hour; at least the level.
   double threshold(double rate) const noexcept {
-    return level + scale * std::max(0.0, std::log(per_hour / rate));
+    const double x = std::max(0.0, std::log(per_hour / rate));
+    return level + scale * (count > 0.0 ? count * std::expm1(x / count) : x);
   }
 };
 
@@ -104,6 +109,7 @@ inline void validate(const Uncertainty& uncertainty, int joints) {
   positive(uncertainty.tail.level, "tail: level");
   positive(uncertainty.tail.scale, "tail: scale");
   positive(uncertainty.tail.per_hour, "tail: per_hour");
+  not_negative(uncertainty.tail.count, "tail: count");
   not_negative(uncertainty.seconds, "seconds");
 }
 

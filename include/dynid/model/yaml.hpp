@@ -33,9 +33,9 @@ namespace dynid {
 /// - `coefficients`, where the model was identified, each with `name`, `expression`, `value`,
 ///   `std_percent` (left out: not known, infinite) and `kept`.
 /// - `uncertainty`, how far the residual strays without contact (see dynid::Uncertainty): `seconds`,
-///   `window`, `motion: {bandwidth, period, position_noise}`, `tail: {level, scale, per_hour}`, `joints`, one
-///   entry a joint with the fields of JointUncertainty, and `correlation`, the rows of its lower triangle;
-///   may be left out.
+///   `window`, `motion: {bandwidth, period, position_noise}`, `tail: {level, scale, per_hour, count}`,
+///   `joints`, one entry a joint with the fields of JointUncertainty, and `correlation`, the rows of its
+///   lower triangle; may be left out.
 ///
 /// A pose is `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}` (URDF's: Rz(yaw) Ry(pitch) Rx(roll)) or
 /// `{xyz: [x, y, z], quaternion: [x, y, z, w]}`; either part may be left out. Inertia is `{xx, xy,
