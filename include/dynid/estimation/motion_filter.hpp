@@ -81,7 +81,9 @@ class MotionFilter {
     return T * std::round(std::fmax(likely / T, 0.0));
   }
 
-  /// The next sample, dt > 0 [s] of elapsed() later, `stamped` [s] by the stamps; q: n.
+  /// The next sample, dt > 0 [s] later; q: n.
+  void update(double dt, const Vector& q) noexcept { update(dt, q, dt); }
+  /// The same, dt of elapsed() later, `stamped` [s] by the stamps.
   void update(double dt, const Vector& q, double stamped) noexcept {
     if (dt != step_) tune(dt);
     late_ += stamped - dt;

@@ -42,10 +42,9 @@ struct JointUncertainty {
 };
 
 /// At most how often the statistic of the ContactTest passes a value where nothing touches the robot: `level`
-/// `per_hour` times an hour, level + x exp(-x / scale) times as often if the scale is known. It is the mean
-/// of `count` values beyond the level: over all scales that may have made it (each as likely as its double),
-/// level
-/// + x is passed (1 + x / (count scale))^-count times as often as the level.
+/// `per_hour` times an hour, level + x exp(-x / scale) times as often where the scale is known. Where it is
+/// the mean of `count` values beyond the level: over all scales that may have made it (each as likely as its
+/// double), level + x is passed (1 + x / (count scale))^-count times as often as the level.
 struct ContactTail {
   double level = 0.0;     ///< > 0
   double scale = 0.0;     ///< > 0
