@@ -17,21 +17,28 @@ std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<
   for (std::size_t l = 0; l < logs.size(); ++l) {
     std::vector<int> dead, other;
     double worst = 0.0;
+    bool scaled = true;  // what is other is a multiple
     for (int j = 0; j < logs[l].joints(); ++j) {
       if (logs[l].tau.col(j).maxCoeff() == logs[l].tau.col(j).minCoeff()) dead.push_back(j + 1);
-      double speed = 0.0, mismatch = 0.0;
+      double speed = 0.0, mismatch = 0.0, logged_speed = 0.0, along = 0.0;
       for (const Segment& s : prepared[l].segments) {
         const Eigen::VectorXd rate = differentiate(s.q.col(j), s.rate);
         speed += rate.squaredNorm();
         Eigen::MatrixXd logged = s.speed.col(j);
         ZeroPhaseButterworth(prepared[l].cutoff, s.rate).apply(logged);
         mismatch += (logged - rate).squaredNorm();
+        logged_speed += logged.squaredNorm();
+        along += rate.dot(logged.col(0));
       }
       double samples = 0.0;
       for (const Segment& s : prepared[l].segments) samples += double(s.t.size());
       const double moving = part_moving * scales[static_cast<std::size_t>(j)].speed;
       if (speed < moving * moving * samples) continue;
-      if (mismatch > largest_mismatch * largest_mismatch * speed) other.push_back(j + 1);
+      if (mismatch > largest_mismatch * largest_mismatch * speed) {
+        other.push_back(j + 1);
+        scaled = scaled &&
+                 logged_speed - along * along / speed < largest_mismatch * largest_mismatch * logged_speed;
+      }
       worst = std::max(worst, std::sqrt(mismatch / speed));
     }
     if (!dead.empty())
@@ -39,7 +46,9 @@ std::vector<DataIssue> unusable(const std::vector<Log>& logs, const std::vector<
                      logs[l].source + ": a torque channel never changes"});
     if (!other.empty())
       out.push_back({"velocity_mismatch", other, worst, "1",
-                     logs[l].source + ": the velocity is not that of the positions (another unit?)"});
+                     logs[l].source + ": the velocity is not that of the positions (" +
+                         (scaled ? "another unit?" : "does the joint shake faster than the log is sampled?") +
+                         ")"});
   }
   return out;
 }

@@ -876,6 +876,17 @@ TEST(Diagnose, DataThatCannotBeTrustedAreInvalid) {
   const Diagnosis trusted = diagnose(robot, degrees, trusting);
   EXPECT_EQ(trusted.verdict, Verdict::data_invalid);
   EXPECT_EQ(trusted.logs[0].report.issues[0].name, "velocity_mismatch");
+  EXPECT_NE(trusted.logs[0].report.issues[0].text.find("another unit"), std::string::npos);
+  // A velocity that the positions do not have in any unit.
+  std::vector<Log> shaking = recorded(robot, {}, 4);
+  for (Log& log : shaking)
+    log.dq.col(5) +=
+        (2.0 * log.dq.col(5).cwiseAbs().maxCoeff() * (4.0 * M_PI * log.t.array()).sin()).matrix();
+  const Diagnosis shaken = diagnose(robot, shaking, trusting);
+  EXPECT_EQ(shaken.verdict, Verdict::data_invalid);
+  EXPECT_EQ(shaken.logs[0].report.issues[0].name, "velocity_mismatch");
+  EXPECT_EQ(shaken.logs[0].report.issues[0].joints, std::vector<int>{6});
+  EXPECT_NE(shaken.logs[0].report.issues[0].text.find("shake"), std::string::npos);
   std::vector<Log> dead = recorded(robot, {}, 4);
   dead[1].tau.col(2).setZero();
   const Diagnosis e = diagnose(robot, dead);
