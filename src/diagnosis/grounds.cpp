@@ -40,7 +40,8 @@ Eigen::VectorXd by_joint(const Eigen::MatrixXd& x, const Eigen::VectorXd& floor)
   return rms(x).cwiseQuotient(floor).cwiseAbs2();
 }
 
-/// Part of the gap (rms) beyond the floor that is left on the joints where `own` acts, each as far as it does.
+/// Part of the gap (rms) beyond the floor that is left on the joints where `own` acts, each as far as it
+/// does.
 double rest_of(const Eigen::VectorXd& before, const Eigen::VectorXd& after, const Eigen::VectorXd& own) {
   double gap = 0.0, left = 0.0;
   for (Eigen::Index j = 0; j < own.size(); ++j) {
