@@ -488,7 +488,7 @@ TEST(Contact, ThresholdFollowsTheFalseAlarmsAllowed) {
 }
 
 // Scales are learnt from few values: over many such lessons the threshold is passed as often as was asked
-// for, not more. With the scale taken for known it is passed up to a hundred times as often.
+// for, not more. With the scale taken for known it is passed more often: of five values, dozens of times.
 TEST(Contact, ThresholdFromFewValuesKeepsItsPromise) {
   constexpr double scale = 3.0, level = 10.0, per_hour = 14400.0;
   constexpr int lessons = 200000;

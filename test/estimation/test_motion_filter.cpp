@@ -25,7 +25,7 @@ TEST(MotionFilter, FollowsConstantAccelerationExactly) {
       const double dt = uniform(generator, 0.0005, 0.003);
       t += dt;
       EXPECT_EQ(filter.elapsed(dt, at(t)), dt);
-      filter.update(dt, at(t), dt);
+      filter.update(dt, at(t));
     }
     EXPECT_LT((filter.position() - at(t)).norm(), 1e-9) << w;
     EXPECT_LT((filter.velocity() - v0 - a * t).norm(), 1e-7) << w;

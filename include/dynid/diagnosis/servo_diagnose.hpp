@@ -41,7 +41,7 @@ struct ServoCriteria {
   /// off, and on less than all of the names.
   double form_error = 2.0, most_probable = 0.85;
   /// Standard deviation, in parts of itself, below which no size of an effect of a joint is known: the form
-  /// is not the robot's. Of the cases of seeds 171001, 171002 and 171004.
+  /// is not the robot's. Set on the banks `blind --servo --family` of seeds 171001, 171002 and 171004.
   double form_of_size = 0.01;
   /// `explained` is said where every effect named has `least_probability`, the gap's energy shrinks by this
   /// part on data that took no part ...
