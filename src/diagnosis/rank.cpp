@@ -33,7 +33,13 @@ struct Candidate {
   const GapModel* model = nullptr;  // among `others`; null: nothing there
 };
 
-double cost_of(const GapModel& model) { return model.fit.total - model.score; }
+/// The prices of its effects, and how common they are: not how large they were found, of which data that do
+/// not tell two effects apart say nothing.
+double cost_of(const Choice& choice, const GapModel& model) {
+  double cost = 0.0;
+  for (const Adopted& e : model.effects) cost += choice.search.cost(e);
+  return cost;
+}
 
 /// Scores in the place of one effect; "" is nothing there.
 std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel& base, const FormError& form,
@@ -46,8 +52,8 @@ std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel
   std::map<std::string, Candidate> out = {{"", {score(base), 0.0, left(base)}}};
   others = choice.search.alternatives(base, 8);
   for (const GapModel& m : others) {
-    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m), cost_of(m),
-                         &m};
+    const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m),
+                         cost_of(choice, m), &m};
     Candidate& best = out.emplace(m.effects.back().h->name(), here).first->second;
     if (here.score > best.score) best = here;
   }
@@ -117,6 +123,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     // the evidence does not tell from it, and what leaves no more than its own form can be blamed for: of
     // that the price alone counts.
     const double indistinct = choice.criteria().indistinct, mine_left = energy(model.fit.residual, floor),
+                 mine_cost = cost_of(choice, model),
                  size = energy(own_contribution(model, k), floor) + 1e-300;
     double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0, least_behind = 0.0;
     for (const auto& [name, c] : all) {
@@ -125,7 +132,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
       if (c.model != nullptr) {
         const double part = form_of(choice.criteria(), *c.model->effects.back().h);
         const bool by_form = c.left - mine_left < part * part * size;
-        if (by_form) behind = std::min(behind, std::max(0.0, (c.cost - cost_of(model)) / by.temperature));
+        if (by_form) behind = std::min(behind, std::max(0.0, (c.cost - mine_cost) / by.temperature));
         as_good = by_form || std::abs(behind) <= indistinct;
       }
       if (as_good) {

@@ -41,6 +41,8 @@ class Search {
   GapModel evaluate(std::vector<Adopted> effects, double kappa) const {
     return by_.evaluate(std::move(effects), kappa);
   }
+  /// What an effect costs of the score, whatever its size.
+  double cost(const Adopted& effect) const { return by_.cost(effect); }
   /// The best form of every effect on top of a model (which may be none()), best first: each refitted jointly
   /// with it.
   std::vector<GapModel> alternatives(const GapModel& base, std::size_t joint_refits) const;
