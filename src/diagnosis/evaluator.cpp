@@ -35,7 +35,7 @@ std::shared_ptr<const RowBlock> BlockMemo::of(const GapRows& rows, const Hypothe
 }
 
 double Evaluator::cost(const Adopted& effect) const {
-  double cost = -criteria.prior_weight * std::log(effect.h->prior());
+  double cost = -criteria.prior_weight * std::log(effect.h->prior(robot()));
   for (const UnitShape& unit : effect.units) cost += price(*effect.h, unit);
   if (effect.h->scope() == Scope::window) cost += 2.0 * std::log(double(rows.size()));
   return cost;

@@ -53,6 +53,7 @@ class Search {
   std::vector<const RowBlock*> blocks() const;
   std::vector<std::string> names() const;  ///< of the library's effects; repeated where one has several forms
   const GapRows& rows() const { return by_.rows; }
+  const Robot& robot() const { return by_.robot(); }  ///< the nominal model
   const Criteria& criteria() const { return by_.criteria; }
 
  private:

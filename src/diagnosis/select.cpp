@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "dynid/base/error.hpp"
+#include "effects/effects.hpp"
 #include "energy.hpp"
 
 namespace dynid::detail {
@@ -78,6 +79,7 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
     const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
     if (again.score > model.score) model = again;
   }
+  begin_with_errors(options);
   const auto settle = [&] {
     if (!split.several) settle_windows(everything);
     if (keep_what_holds() && !split.several) settle_windows(everything);
@@ -121,6 +123,22 @@ bool Choice::begun_elsewhere(int most) {
   return better;
 }
 
+void Choice::begin_with_errors(const DiagnoseOptions& options) {
+  const Criteria& by = criteria();
+  const auto body = [](const Adopted& e) {
+    return e.h->scope() == Scope::link || e.h->scope() == Scope::arm;
+  };
+  std::vector<double> errors = {by.most_off};
+  if (without_friction(search.robot())) errors.push_back(by.never_identified);
+  for (const double off : errors) {
+    if (std::none_of(model.effects.begin(), model.effects.end(), body)) return;
+    const double kappa = off * options.tolerance;
+    if (kappa <= model.kappa) continue;
+    GapModel other = search.best(kappa, options.most_effects);
+    if (other.score > model.score + by.off_gain) model = std::move(other);
+  }
+}
+
 bool Choice::left_in_held(double tolerance) const {
   if (model.effects.empty() || left_over(rows, model.fit.residual, tolerance, criteria())) return false;
   const Eigen::MatrixXd rest = held.y - contribution(held, model, model.fit.theta);
@@ -143,10 +161,10 @@ double Choice::tuned(const std::vector<std::vector<Adopted>>& sets, double toler
   double kappa = 0.0, best = search.none(0.0).score;
   for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
   for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
-    if (k > 1.5 * tolerance) continue;
+    if (k > criteria().most_off * tolerance) continue;
     double here = search.none(k).score;
     for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
-    if (here > best + (kappa > 0.0 ? 0.0 : 2.0)) kappa = k, best = here;
+    if (here > best + (kappa > 0.0 ? 0.0 : criteria().off_gain)) kappa = k, best = here;
   }
   return kappa;
 }

@@ -243,7 +243,7 @@ TEST(Diagnose, PayloadOfAPlanarArmIsNamed) {
 // more common than the other.
 TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLink) {
   const Robot robot = panda();
-  const double link_for_a_payload = find_hypothesis(std::string("link_inertial_error"))->prior() *
+  const double link_for_a_payload = find_hypothesis(std::string("link_inertial_error"))->prior(robot) *
                                     std::pow(double(robot.size()), -1.0 / Criteria().prior_weight);
   for (const char* mass : {"0.4", "3"}) {
     SCOPED_TRACE(mass);
@@ -676,7 +676,7 @@ class Twin : public Hypothesis {
   Scope scope() const override { return of_.scope(); }
   std::vector<ShapeParameter> shape() const override { return of_.shape(); }
   bool shape_only() const override { return of_.shape_only(); }
-  double prior() const override { return of_.prior(); }
+  double prior(const Robot& nominal) const override { return of_.prior(nominal); }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     return of_.columns(motion, unit, shape);
   }

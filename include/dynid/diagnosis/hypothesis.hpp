@@ -74,9 +74,9 @@ class Hypothesis {
   virtual bool shape_only() const { return false; }
   /// Bound to the clock of its log: it does not come back alike in another one.
   virtual bool once() const { return false; }
-  /// How likely it is before the data are seen, relative to the others; for one that contains another as a
-  /// special case, or can nearly imitate it, less than 1.
-  virtual double prior() const { return 1.0; }
+  /// How likely it is that `nominal` lacks it, before the data are seen, relative to the others; for one that
+  /// contains another as a special case, or can nearly imitate it, less than 1.
+  virtual double prior(const Robot& /*nominal*/) const { return 1.0; }
 
   /// Minus the logarithm of how likely coefficients of this size are beside usual ones, before the data are
   /// seen: 0 where all are alike.

@@ -14,7 +14,7 @@ class AsymmetricCoulombFriction : public OwnTorque {
   AsymmetricCoulombFriction()
       : OwnTorque("asymmetric_coulomb_friction",
                   {{"coefficient_positive", "N m"}, {"coefficient_negative", "N m"}}) {}
-  double prior() const override { return 0.3; }
+  double prior(const Robot&) const override { return 0.3; }
   std::vector<ShapeParameter> shape() const override { return {sign_width()}; }
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override { return {sign_width(s)}; }
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,

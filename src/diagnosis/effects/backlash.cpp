@@ -40,7 +40,7 @@ class Backlash : public OwnTorque {
         {spring_torque(motion, unit, {std::min(shape[1], stiffest), shape[0], damping_ratio})});
   }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
   bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd&,
                  const Eigen::VectorXd& shape) const override {
     // Less is a spring's alone: joint_elasticity.

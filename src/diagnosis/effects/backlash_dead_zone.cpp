@@ -17,7 +17,7 @@ class BacklashDeadZone : public OwnTorque {
   }
   std::string form() const override { return "dead_zone"; }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     return c[0] > 0.0;
   }

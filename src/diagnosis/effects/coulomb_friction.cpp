@@ -15,6 +15,9 @@ class CoulombFriction : public OwnTorque {
                  const Eigen::VectorXd& shape) const override {
     return hinders(robot, unit, 3.0 * shape[0], c[0]);
   }
+  double prior(const Robot& nominal) const override {
+    return without_friction(nominal) ? of_what_all_have : 1.0;
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

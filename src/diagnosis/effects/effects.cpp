@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "effects.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynid/base/error.hpp"
@@ -111,6 +112,29 @@ double usual_speed(const Robot& robot, int joint) {
 double nominal_friction(const Robot& robot, int joint, double speed) {
   const JointFriction& f = robot.joints[static_cast<std::size_t>(joint)].friction;
   return 0.5 * (friction_torque(f, speed) - friction_torque(f, -speed));
+}
+
+namespace {
+
+bool has_effect(const Robot& robot, const char* name) {
+  return std::any_of(robot.effects.begin(), robot.effects.end(),
+                     [&](const Effect& e) { return e.name == name; });
+}
+
+}  // namespace
+
+bool without_friction(const Robot& nominal) {
+  for (const char* name : {"coulomb_friction", "viscous_friction"})
+    if (has_effect(nominal, name)) return false;
+  for (int j = 0; j < nominal.size(); ++j)
+    if (nominal_friction(nominal, j, usual_speed(nominal, j)) != 0.0) return false;
+  return true;
+}
+
+bool without_rotors(const Robot& nominal) {
+  return !has_effect(nominal, "rotor_inertia") &&
+         std::all_of(nominal.joints.begin(), nominal.joints.end(),
+                     [](const Joint& joint) { return joint.rotor_inertia == 0.0; });
 }
 
 bool hinders(const Robot& robot, int joint, double speed, double torque) {

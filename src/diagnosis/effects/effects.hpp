@@ -62,6 +62,11 @@ double usual_speed(const Robot& robot, int joint);
 /// [N m] by which the nominal model's friction hinders joint `joint` (from 0) at speed `speed` > 0, the mean
 /// of both directions.
 double nominal_friction(const Robot& robot, int joint, double speed);
+/// The nominal model has no friction on any joint, neither as a parameter nor as an effect; no rotors.
+bool without_friction(const Robot& nominal);
+bool without_rotors(const Robot& nominal);
+/// Prior of what every arm has, where the nominal model is made without it.
+constexpr double of_what_all_have = 5.0;
 /// Friction `torque` at `speed` beside the nominal model's still hinders the motion, but for a twentieth.
 bool hinders(const Robot& robot, int joint, double speed, double torque);
 

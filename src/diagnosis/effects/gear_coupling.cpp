@@ -12,7 +12,7 @@ class GearCoupling : public Hypothesis {
   std::string name() const override { return "gear_coupling"; }
   Scope scope() const override { return Scope::pair; }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.3; }
+  double prior(const Robot&) const override { return 0.3; }
   std::vector<ShapeParameter> shape() const override {
     return {{"ratio", "1", -1.0, 1.0, 2, false}, sign_width()};
   }

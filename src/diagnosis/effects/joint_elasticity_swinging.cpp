@@ -23,7 +23,7 @@ class JointElasticitySwinging : public OwnTorque {
             shape().back()};
   }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd& shape) const override {
     return all_channels({spring_torque(motion, unit, {shape[0], 0.0, shape[1]})});
   }

@@ -10,7 +10,7 @@ class LoadDependentFriction : public OwnTorque {
   LoadDependentFriction() : OwnTorque("load_dependent_friction", {}) {}
   bool shape_only() const override { return true; }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.7; }
+  double prior(const Robot&) const override { return 0.7; }
   std::vector<ShapeParameter> shape() const override {
     return {{"coefficient", "1", 0.005, 0.6, 8, true}, sign_width()};
   }

@@ -27,7 +27,7 @@ class PreslidingHysteresis : public OwnTorque {
                   std::to_string(unit + 1) + " must be positive");
   }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }  // Coulomb friction where the slip is small
+  double prior(const Robot&) const override { return 0.4; }  // Coulomb friction where the slip is small
 
   bool plausible(const Robot&, int, const Eigen::VectorXd& c, const Eigen::VectorXd&) const override {
     return c[0] > 0.0;

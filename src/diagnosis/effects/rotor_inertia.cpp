@@ -13,6 +13,9 @@ class RotorInertia : public OwnTorque {
                  const Eigen::VectorXd&) const override {
     return c[0] + robot.joints[static_cast<std::size_t>(unit)].rotor_inertia > 0.0;
   }
+  double prior(const Robot& nominal) const override {
+    return without_rotors(nominal) ? of_what_all_have : 1.0;
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {

@@ -12,7 +12,7 @@ class ThermalFrictionDrift : public OwnTorque {
   bool once() const override { return true; }
   std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 15.0, 5, true}}; }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
 
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {

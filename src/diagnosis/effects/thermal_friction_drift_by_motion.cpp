@@ -27,7 +27,7 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
     c = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "coefficient", unit));
     shape = Eigen::VectorXd::Constant(1, motion_constant(effect, unit));
   }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
 
   bool plausible(const Robot& robot, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {

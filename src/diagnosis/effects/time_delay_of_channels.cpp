@@ -10,7 +10,7 @@ class TimeDelayOfChannels : public OwnTorque {
  public:
   TimeDelayOfChannels() : OwnTorque("time_delay", {}) {}
   std::string form() const override { return "channel_delay_s"; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
   bool shape_only() const override { return true; }
   double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
   std::vector<ShapeParameter> shape() const override {

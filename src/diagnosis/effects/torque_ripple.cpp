@@ -31,7 +31,7 @@ class TorqueRipple : public OwnTorque {
     shape = Eigen::VectorXd::Constant(1, joint_value(robot, effect, "order", unit));
   }
   bool approximate() const override { return true; }  // where the joint stands between stamps blurs it
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd& shape) const override {

@@ -36,7 +36,7 @@ class TorqueSaturationOfCommand : public OwnTorque {
   }
   bool shape_only() const override { return true; }
   bool approximate() const override { return true; }
-  double prior() const override { return 0.4; }
+  double prior(const Robot&) const override { return 0.4; }
 
   bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd&,
                  const Eigen::VectorXd& shape) const override {

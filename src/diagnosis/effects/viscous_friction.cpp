@@ -13,6 +13,9 @@ class ViscousFriction : public OwnTorque {
                  const Eigen::VectorXd&) const override {
     return hinders(robot, unit, usual_speed(robot, unit), c[0]);
   }
+  double prior(const Robot& nominal) const override {
+    return without_friction(nominal) ? of_what_all_have : 1.0;
+  }
 
  protected:
   Eigen::MatrixXd own(const GapMotion& motion, int j, const Eigen::VectorXd&) const override {
