@@ -58,6 +58,24 @@ double value(const FoundEffect& found, const std::string& key, int index = 0) {
   return found.effect.parameters.at(key).at(static_cast<std::size_t>(index));
 }
 
+// Every arm has friction and rotors: what a model says nothing of has a larger prior, what it has has not.
+TEST(Hypotheses, WhatAModelIsMadeWithoutIsLikely) {
+  Robot robot = panda();
+  const auto prior = [&](const char* name) { return find_hypothesis(std::string(name))->prior(robot); };
+  EXPECT_EQ(prior("coulomb_friction"), 1.0);
+  for (Joint& joint : robot.joints) {
+    joint.friction = {};
+    joint.rotor_inertia = 0.0;
+  }
+  for (const char* name : {"coulomb_friction", "viscous_friction", "rotor_inertia"})
+    EXPECT_GT(prior(name), 1.0) << name;
+  EXPECT_EQ(prior("payload"), 1.0);
+  robot.joints[2].rotor_inertia = 0.1;
+  EXPECT_EQ(prior("rotor_inertia"), 1.0);
+  robot.effects = {parse_effect("viscous_friction:joints=3,coefficient=1.5", robot)};
+  EXPECT_EQ(prior("coulomb_friction"), 1.0);
+}
+
 // Law: what parameters() says of coefficients and shape, restore() takes back, for every effect.
 TEST(Hypotheses, ParametersSayEverything) {
   const Robot robot = panda();
@@ -237,6 +255,26 @@ TEST(Diagnose, PayloadOfAPlanarArmIsNamed) {
   EXPECT_NEAR(value(d.effects[0], "mass"), 1.5, 0.05);
   // What no torque shows of it is that of a body at the flange.
   EXPECT_NEAR(value(d.effects[0], "com", 1), robot.tip.translation().y(), 1e-6);
+}
+
+// A vendor's model: without friction and rotors, its link a little off. A wrong link explains all of that at
+// once; that every arm has rotors, and that such a model is off, is likelier.
+TEST(Diagnose, AVendorsModelLacksItsRotor) {
+  Robot robot = planar_arm();
+  robot.joints.resize(1);
+  robot.joints[0].friction = {};
+  for (const double spread : {0.05, 0.1}) {
+    SCOPED_TRACE(spread);
+    const Diagnosis d = diagnose(as_a_vendor_says(robot, spread, 4),
+                                 recorded(robot,
+                                          {"coulomb_friction:coefficient=1.2", "rotor_inertia:armature=0.15",
+                                           "viscous_friction:coefficient=0.4"},
+                                          40));
+    std::set<std::string> names;
+    for (const FoundEffect& f : d.effects) names.insert(f.effect.name);
+    EXPECT_EQ(names, (std::set<std::string>{"coulomb_friction", "rotor_inertia", "viscous_friction"}));
+    EXPECT_GT(d.nominal_error, 0.0);
+  }
 }
 
 // No torque tells a payload from an error of the last link, however large: the one is no surer than it is
