@@ -12,9 +12,8 @@ class LinkInertialError : public Hypothesis {
  public:
   std::string name() const override { return "link_inertial_error"; }
   Scope scope() const override { return Scope::link; }
-  double prior(const Robot&) const override {
-    return 0.2;
-  }  // on the last link it is a payload where that is a body
+  // On the last link it is a payload where that is a body.
+  double prior(const Robot&) const override { return 0.2; }
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     ColumnBlock block;
     block.values = motion.link_columns(unit);
