@@ -41,6 +41,25 @@ double cost_of(const Choice& choice, const GapModel& model) {
   return cost;
 }
 
+/// The base with its own effect of links on one link more: no further effect, but it may stand in the place
+/// of one.
+std::vector<GapModel> with_another_link(const Choice& choice, const GapModel& base) {
+  std::vector<GapModel> out;
+  for (std::size_t k = 0; k < base.effects.size(); ++k) {
+    const Adopted& e = base.effects[k];
+    if (e.h->scope() != Scope::link) continue;
+    for (int unit = 0; unit < e.h->units(choice.search.robot()); ++unit) {
+      if (std::any_of(e.units.begin(), e.units.end(), [&](const UnitShape& u) { return u.unit == unit; }))
+        continue;
+      std::vector<Adopted> effects = without(base.effects, k);
+      effects.push_back(e);
+      effects.back().units.push_back({unit, e.units.front().shape, nullptr});
+      out.push_back(choice.search.moved_here(effects, base.kappa));
+    }
+  }
+  return out;
+}
+
 /// Scores in the place of one effect; "" is nothing there.
 std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel& base, const FormError& form,
                                             const Eigen::VectorXd& floor, bool explained,
@@ -51,6 +70,7 @@ std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel
   const auto left = [&](const GapModel& m) { return energy(m.fit.residual, floor); };
   std::map<std::string, Candidate> out = {{"", {score(base), 0.0, left(base)}}};
   others = choice.search.alternatives(base, 8);
+  for (GapModel& wider : with_another_link(choice, base)) others.push_back(std::move(wider));
   for (const GapModel& m : others) {
     const Candidate here{score(m), explained ? explained_alone(choice, m, floor) : 0.0, left(m),
                          cost_of(choice, m), &m};

@@ -297,6 +297,23 @@ TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLink) {
   }
 }
 
+// Nor where another link is wrong beside it: the error of the last link would be no further effect, but one
+// of a further link.
+TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLinkBesideOneOfAnother) {
+  const Robot robot = panda();
+  const Diagnosis d =
+      diagnose(robot, recorded(robot,
+                               {"payload:com=0:0.01:0.15,inertia=0.002:0:0:0.002:0:0.002,mass=1.5",
+                                "link_inertial_error:joints=3,mass=2.5,com=0:0.02:0,inertia=0.4"},
+                               13));
+  ASSERT_EQ(d.effects.size(), 2U);
+  for (const FoundEffect& f : d.effects) {
+    if (f.effect.name != "payload") continue;
+    EXPECT_EQ(std::count(f.aliases.begin(), f.aliases.end(), "link_inertial_error"), 1);
+    EXPECT_LT(f.probability, 0.9);
+  }
+}
+
 // Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
 // stays.
 TEST(Hypotheses, ImpossiblePayloadsGiveWayToTheNearestBody) {
