@@ -30,7 +30,7 @@ class PythonEffect : public Hypothesis {
   }
 
   std::string name() const override { return name_; }
-  double prior() const override { return prior_; }
+  double prior(const Robot& /*nominal*/) const override { return prior_; }
 
   ColumnBlock columns(const GapMotion& motion, int unit, const Eigen::VectorXd&) const override {
     const nb::gil_scoped_acquire acquire;
