@@ -68,6 +68,11 @@ std::string verdict_sentence(const Diagnosis& d) {
              (several ? "them" : "it") + " in the model, " + shrink +
              " of it goes away on data that took no part.";
     case Verdict::partly_explained:
+      if (!(d.shrink.fraction > 0.0) && d.nominal_error > 0.0)
+        return capitalised(list_in_words(causes)) + (several ? " are" : " is") +
+               " missing from the model, but the gap does not shrink by " + (several ? "them" : "it") +
+               " alone: the model's own parameters are off, about " + detail::page_percent(d.nominal_error) +
+               ", and work against " + (several ? "them" : "it") + "; identify them.";
       return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") +
              " part of the gap: " + shrink + " of it goes away on data that took no part; " + rest(d);
     case Verdict::unexplained:

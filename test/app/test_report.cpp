@@ -117,6 +117,16 @@ TEST(Report, TheSentenceSaysWhatIsNotSure) {
       << verdict_sentence(d);
 }
 
+// Where the gap does not shrink, it is not said to, and why not is.
+TEST(Report, TheSentenceSaysWhatTheModelsErrorsHide) {
+  Diagnosis d = example(Verdict::partly_explained);
+  d.shrink.fraction = -0.1;
+  d.nominal_error = 0.1;
+  EXPECT_NE(verdict_sentence(d).find("does not shrink"), std::string::npos) << verdict_sentence(d);
+  EXPECT_NE(verdict_sentence(d).find("parameters are off, about 10"), std::string::npos)
+      << verdict_sentence(d);
+}
+
 TEST(Report, StandsAlone) {
   const std::string page = to_html(example(Verdict::explained), context());
   for (const char* part : {"<link", "<img", "<iframe", " src=", "url(", "@import", "href=\"http"})
