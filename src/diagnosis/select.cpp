@@ -128,9 +128,8 @@ void Choice::begin_with_errors(const DiagnoseOptions& options) {
   const auto body = [](const Adopted& e) {
     return e.h->scope() == Scope::link || e.h->scope() == Scope::arm;
   };
-  std::vector<double> errors = {by.most_off};
-  if (without_friction(search.robot())) errors.push_back(by.never_identified);
-  for (const double off : errors) {
+  if (!without_friction(search.robot())) return;
+  for (const double off : {by.most_off, by.never_identified}) {
     if (std::none_of(model.effects.begin(), model.effects.end(), body)) return;
     const double kappa = off * options.tolerance;
     if (kappa <= model.kappa) continue;

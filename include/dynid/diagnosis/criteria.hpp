@@ -52,8 +52,8 @@ struct Criteria {
   double prior_weight = 4.0;
   /// By how much the nominal's parameters may be off, in tolerances, and the log evidence that this has to
   /// bring. A model without any friction was never identified: its inertials are a vendor's, and may be off
-  /// by a tenth. Where a body is found, which links that are off imitate, the search begins again with the
-  /// most of it.
+  /// by a tenth. Where a body is found beside one, which links that are off imitate, the search begins again
+  /// with both.
   double most_off = 1.5, never_identified = 5.0, off_gain = 2.0;
   /// Part of what is left of a joint's gap that a further effect has to explain.
   double least_gain = 0.25;
