@@ -20,11 +20,14 @@ std::string nearest(const Diagnosis& d) {
          detail::page_number(most->probability) + ".";
 }
 
+bool says(const Diagnosis& d, const char* criterion) {
+  return std::any_of(d.judgement.begin(), d.judgement.end(),
+                     [&](const Judgement& j) { return j.criterion == criterion; });
+}
+
 /// What is said of the part of the gap that the named effects leave.
 std::string rest(const Diagnosis& d) {
-  const bool unsure = std::any_of(d.judgement.begin(), d.judgement.end(),
-                                  [](const Judgement& j) { return j.criterion == "set_explains"; });
-  if (!unsure) return "the rest is none of the known effects.";
+  if (!says(d, "set_explains")) return "the rest is none of the known effects.";
   std::vector<std::string> others;
   for (const ConsideredEffect& c : d.considered)
     if (std::none_of(d.effects.begin(), d.effects.end(),
@@ -68,7 +71,7 @@ std::string verdict_sentence(const Diagnosis& d) {
              (several ? "them" : "it") + " in the model, " + shrink +
              " of it goes away on data that took no part.";
     case Verdict::partly_explained:
-      if (!(d.shrink.fraction > 0.0) && d.nominal_error > 0.0)
+      if (says(d, "nominal_opposes"))
         return capitalised(list_in_words(causes)) + (several ? " are" : " is") +
                " missing from the model, but the gap does not shrink by " + (several ? "them" : "it") +
                " alone: the model's own parameters are off, about " + detail::page_percent(d.nominal_error) +

@@ -227,15 +227,17 @@ class Judge {
                shrinks = out.shrink.fraction >= criteria_.least_shrink;
     say(out, "least_probability", least, criteria_.least_probability, sure,
         "probability of the least sure effect within the set");
-    // The other way round: effects that the nominal's own errors work against enlarge the gap when they are
-    // taken out of it, and are there none the less.
-    const bool opposed = !(out.shrink.fraction > 0.0) && model.kappa > 0.0 && enough && effects_do &&
-                         least >= criteria_.least_probability_within;
     say(out, "least_shrink", out.shrink.fraction, criteria_.least_shrink, shrinks,
-        opposed ? "part by which the gap shrinks on data that neither chose nor fitted anything: what the "
-                  "model's own parameters are off by works against the effects"
-                : "part by which the gap shrinks on data that neither chose nor fitted anything");
-    if (!(out.shrink.fraction > 0.0) && !has_once(model) && !opposed) return without_effects;
+        "part by which the gap shrinks on data that neither chose nor fitted anything");
+    if (!(out.shrink.fraction > 0.0) && !has_once(model)) {
+      // Effects that the nominal's own errors work against enlarge the gap when they are taken out of it, and
+      // are there none the less.
+      if (!(model.kappa > 0.0) || !enough || !effects_do || least < criteria_.least_probability_within)
+        return without_effects;
+      say(out, "nominal_opposes", model.kappa, 0.0, true,
+          "the model's own parameters are off by about this part, and work against the effects: the gap does "
+          "not shrink by these alone");
+    }
     // What may be no gap at all has to be as sure as what is within the tolerance.
     if ((size.within() || !there) && least < criteria_.least_probability_within) return without_effects;
     return part || (left && out.explained < criteria_.fully_explained) || !sure || !shrinks

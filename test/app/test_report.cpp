@@ -122,6 +122,9 @@ TEST(Report, TheSentenceSaysWhatTheModelsErrorsHide) {
   Diagnosis d = example(Verdict::partly_explained);
   d.shrink.fraction = -0.1;
   d.nominal_error = 0.1;
+  EXPECT_EQ(verdict_sentence(d).find("does not shrink"), std::string::npos)
+      << "a contact that does not come back shrinks nothing either";
+  d.judgement.push_back({"nominal_opposes", 0.1, 0.0, true, "against"});
   EXPECT_NE(verdict_sentence(d).find("does not shrink"), std::string::npos) << verdict_sentence(d);
   EXPECT_NE(verdict_sentence(d).find("parameters are off, about 10"), std::string::npos)
       << verdict_sentence(d);

@@ -307,11 +307,11 @@ TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLinkBesideOneOfAnother) {
                                 "link_inertial_error:joints=3,mass=2.5,com=0:0.02:0,inertia=0.4"},
                                13));
   ASSERT_EQ(d.effects.size(), 2U);
-  for (const FoundEffect& f : d.effects) {
-    if (f.effect.name != "payload") continue;
-    EXPECT_EQ(std::count(f.aliases.begin(), f.aliases.end(), "link_inertial_error"), 1);
-    EXPECT_LT(f.probability, 0.9);
-  }
+  const auto payload = std::find_if(d.effects.begin(), d.effects.end(),
+                                    [](const FoundEffect& f) { return f.effect.name == "payload"; });
+  ASSERT_NE(payload, d.effects.end());
+  EXPECT_EQ(std::count(payload->aliases.begin(), payload->aliases.end(), "link_inertial_error"), 1);
+  EXPECT_LT(payload->probability, 0.9);
 }
 
 // Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one

@@ -180,6 +180,8 @@ TEST(Judge, WhatTheModelsErrorsWorkAgainstIsNamed) {
   const Diagnosis d = told(stage.nominal, logs, DiagnoseOptions());
   EXPECT_LT(d.shrink.fraction, 0.0);
   EXPECT_GT(d.nominal_error, 0.0);
+  EXPECT_TRUE(std::any_of(d.judgement.begin(), d.judgement.end(),
+                          [](const Judgement& j) { return j.criterion == "nominal_opposes"; }));
   EXPECT_EQ(d.verdict, Verdict::partly_explained);
   std::set<std::string> names, truth;
   for (const FoundEffect& f : d.effects) names.insert(f.effect.name);
