@@ -56,7 +56,7 @@ Eigen::VectorXd numbers(const std::string& key, const std::vector<std::string>& 
 }
 
 Eigen::VectorXd signs(const std::string& key, const std::vector<std::string>& values, int n) {
-  const Eigen::VectorXd out = numbers(key, values, n, true);
+  Eigen::VectorXd out = numbers(key, values, n, true);
   if (!(out.cwiseAbs().array() == 1.0).all()) refuse(key, "a sign is 1 or -1");
   return out;
 }

@@ -135,9 +135,9 @@ ConventionSample::ConventionSample(const Robot& robot, const SpreadRows& rows, E
   for (const Joint& joint : robot.joints) revolute_.push_back(joint.type != JointType::prismatic);
   for (Eigen::Index b = 0; b < blocks_; ++b) {
     for (int k = 0; k < n_; ++k) {
-      q_.push_back(rows.q.block<8, 1>(8 * b, k).array());
-      dq_.push_back(rows.dq.block<8, 1>(8 * b, k).array());
-      ddq_.push_back(rows.ddq.block<8, 1>(8 * b, k).array());
+      q_.emplace_back(rows.q.block<8, 1>(8 * b, k).array());
+      dq_.emplace_back(rows.dq.block<8, 1>(8 * b, k).array());
+      ddq_.emplace_back(rows.ddq.block<8, 1>(8 * b, k).array());
     }
   }
   tau_ = rows.tau.topRows(M);
@@ -152,8 +152,8 @@ ConventionSample::ConventionSample(const Robot& robot, const SpreadRows& rows, E
     columns.col(1) = (v / std::max(smooth_part * speed, 1e-300)).tanh();
     columns.col(2) = v;
     columns.col(3) = rows.ddq.col(k).head(M);
-    friction_.push_back(columns.rightCols(3).rowwise() - columns.rightCols(3).colwise().mean());
-    gram_.push_back(friction_.back().transpose() * friction_.back());
+    friction_.emplace_back(columns.rightCols(3).rowwise() - columns.rightCols(3).colwise().mean());
+    gram_.emplace_back(friction_.back().transpose() * friction_.back());
     basis_.push_back(orthonormal(columns));
     project(k, bare_.col(k));
     const Eigen::MatrixXd U = basis_.back().leftCols(3);

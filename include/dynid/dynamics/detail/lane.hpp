@@ -24,8 +24,8 @@ struct Lane {
   Vector v;
 
   Lane() = default;
-  // Not trivial: compilers copy trivial structures by half registers, for which loads of whole ones have to
-  // wait.
+  // Not trivial: compilers copy trivial structures by half registers, for which loads of whole ones wait.
+  // NOLINTBEGIN(modernize-use-equals-default, performance-unnecessary-value-param): all is inlined
   [[gnu::always_inline]] Lane(const Lane& other) : v(other.v) {}
   [[gnu::always_inline]] Lane& operator=(const Lane& other) { return v = other.v, *this; }
   [[gnu::always_inline]] Lane(double x) : v(x - Vector{}) {}
@@ -46,7 +46,7 @@ struct Lane {
   [[gnu::always_inline]] Lane& operator+=(Lane b) { return v += b.v, *this; }
   [[gnu::always_inline]] Lane& operator-=(Lane b) { return v -= b.v, *this; }
   [[gnu::always_inline]] Lane& operator*=(Lane b) { return v *= b.v, *this; }
-};
+};  // NOLINTEND(modernize-use-equals-default, performance-unnecessary-value-param)
 
 #else  // any other compiler: lanes of one
 
