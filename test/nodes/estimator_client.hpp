@@ -9,6 +9,7 @@
 #include <std_msgs/String.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <functional>
@@ -18,6 +19,8 @@
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "time_scale.hpp"
 
 namespace dynid::test {
 
@@ -84,7 +87,9 @@ class EstimatorClient {
           const std::lock_guard<std::mutex> lock(mutex_);
           for (const auto& status : message->status) {
             if (status.name.compare(0, name_.size() + 2, name_ + ": ") != 0) continue;
-            Diagnostic& kept = diagnostics_[status.name.substr(name_.size() + 2)];
+            const std::string task = status.name.substr(name_.size() + 2);
+            said_[task].push_back({status.level, status.message});
+            Diagnostic& kept = diagnostics_[task];
             kept.level = status.level;
             kept.message = status.message;
             ++kept.reports;
@@ -113,13 +118,25 @@ class EstimatorClient {
     const auto at = diagnostics_.find(task);
     return at == diagnostics_.end() ? Diagnostic() : at->second;
   }
+  /// What a report said, each after the other: of two that come at once the first is seen, too.
+  struct Said {
+    int level;
+    std::string message;
+  };
+  /// Whether, of the task's reports beyond the first `after`, there is one of which `wanted` is true.
+  bool said(const std::string& task, int after, const std::function<bool(const Said&)>& wanted) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto at = said_.find(task);
+    return at != said_.end() && after < static_cast<int>(at->second.size()) &&
+           std::any_of(at->second.begin() + after, at->second.end(), wanted);
+  }
   /// Waits for a report of which `wanted` is true.
   bool reports(const std::string& task, const std::function<bool(const Diagnostic&)>& wanted,
                double seconds = 5.0) const {
     return wait([&] { return wanted(diagnostic(task)); }, seconds);
   }
   static bool wait(const std::function<bool()>& wanted, double seconds = 5.0) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(time_scale() * seconds);
     while (std::chrono::steady_clock::now() < end) {
       if (wanted()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -139,6 +156,7 @@ class EstimatorClient {
   Heard heard_;
   std::map<ros::Time, int> answers_;
   std::map<std::string, Diagnostic> diagnostics_;
+  std::map<std::string, std::vector<Said>> said_;
   std::vector<ros::Subscriber> subscribers_;
 };
 

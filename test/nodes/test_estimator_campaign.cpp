@@ -113,7 +113,7 @@ class EstimatorNode : public testing::Test {
   static void quiet(EstimatorClient& node) {
     for (int last = -1; last != node.heard().residuals;) {
       last = node.heard().residuals;
-      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+      std::this_thread::sleep_for(test::time_scale() * std::chrono::milliseconds(200));
     }
   }
   /// Sends `count` changed messages: but for `allowed` none is answered, the count of `why` goes up by all
@@ -122,22 +122,18 @@ class EstimatorNode : public testing::Test {
                               const Change& change, int allowed = 0) {
     SCOPED_TRACE(why);
     const long before = std::max(0L, node_->diagnostic("input").count(why));
-    std::atomic<bool> said{false}, done{false};
-    std::thread listener([&] {
-      while (!done) {
-        const Diagnostic report = node_->diagnostic("input");
-        if (report.level >= warn && report.message.find(why) != std::string::npos &&
-            (joint.empty() || report.message.find("(" + joint + ")") != std::string::npos))
-          said = true;
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
-      }
-    });
+    const int reports = node_->diagnostic("input").reports;
     const int answered = stream(count, change);
     const bool all = node_->reports(
         "input", [&](const Diagnostic& report) { return report.count(why) >= before + count - allowed; });
-    EstimatorClient::wait([&] { return said.load(); }, 2.0);
-    done = true;
-    listener.join();
+    const bool said = EstimatorClient::wait(
+        [&] {
+          return node_->said("input", reports, [&](const EstimatorClient::Said& report) {
+            return report.level >= warn && report.message.find(why) != std::string::npos &&
+                   (joint.empty() || report.message.find("(" + joint + ")") != std::string::npos);
+          });
+        },
+        2.0);
     EXPECT_TRUE(all) << node_->diagnostic("input").count(why) << " after " << before << ", lost "
                      << node_->diagnostic("input").count("lost");
     EXPECT_TRUE(said) << node_->diagnostic("input").message;
@@ -383,23 +379,26 @@ TEST_F(EstimatorNode, PayloadWhileRunning) {
 }
 
 TEST_F(EstimatorNode, ParametersReloadedWhileRunning) {
-  const std::string key = "/torque_estimator/model", file = testing::TempDir() + "/dynid_heavier.yaml";
+  const std::string key = "/torque_estimator/model",
+                    file = testing::TempDir() + "/dynid_heavier_" + std::to_string(getpid()) + ".yaml";
   ModelFile heavier = read_model(panda);
   heavier.robot.joints[2].parameters *= 1.5;
   write_model(file, heavier);
   ros::param::set(key, file);
 
   const Diagnostic before = node_->diagnostic("input");
+  std::atomic<bool> over{false};
   std::thread reload([&] {
     for (int k = 0; k < 10; ++k) {
       const int answered = node_->heard().residuals;  // spread over the messages
-      EstimatorClient::wait([&] { return node_->heard().residuals >= answered + 80; });
+      EstimatorClient::wait([&] { return over || node_->heard().residuals >= answered + 80; });
       const auto response = node_->call("load_parameters");
       EXPECT_TRUE(response.success) << response.message;
     }
   });
   arm_ = std::make_unique<test::Arm>(heavier.robot);
   EXPECT_EQ(stream(1000), 1000) << "the loop did not wait";
+  over = true;
   reload.join();
   EXPECT_LE(node_->diagnostic("input").count("starts"), before.count("starts") + 1);
   expect_free();
