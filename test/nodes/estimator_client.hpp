@@ -87,9 +87,9 @@ class EstimatorClient {
           const std::lock_guard<std::mutex> lock(mutex_);
           for (const auto& status : message->status) {
             if (status.name.compare(0, name_.size() + 2, name_ + ": ") != 0) continue;
-            const std::string task = status.name.substr(name_.size() + 2);
-            said_[task].push_back({status.level, status.message});
-            Diagnostic& kept = diagnostics_[task];
+            std::vector<Diagnostic>& all = diagnostics_[status.name.substr(name_.size() + 2)];
+            all.push_back(all.empty() ? Diagnostic() : all.back());
+            Diagnostic& kept = all.back();
             kept.level = status.level;
             kept.message = status.message;
             ++kept.reports;
@@ -116,18 +116,14 @@ class EstimatorClient {
   Diagnostic diagnostic(const std::string& task) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto at = diagnostics_.find(task);
-    return at == diagnostics_.end() ? Diagnostic() : at->second;
+    return at == diagnostics_.end() ? Diagnostic() : at->second.back();
   }
-  /// What a report said, each after the other: of two that come at once the first is seen, too.
-  struct Said {
-    int level;
-    std::string message;
-  };
-  /// Whether, of the task's reports beyond the first `after`, there is one of which `wanted` is true.
-  bool said(const std::string& task, int after, const std::function<bool(const Said&)>& wanted) const {
+  /// Whether, of the task's reports beyond the first `after`, there is one of which `wanted` is true: of two
+  /// that come at once the first is seen, too.
+  bool said(const std::string& task, int after, const std::function<bool(const Diagnostic&)>& wanted) const {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const auto at = said_.find(task);
-    return at != said_.end() && after < static_cast<int>(at->second.size()) &&
+    const auto at = diagnostics_.find(task);
+    return at != diagnostics_.end() && after < static_cast<int>(at->second.size()) &&
            std::any_of(at->second.begin() + after, at->second.end(), wanted);
   }
   /// Waits for a report of which `wanted` is true.
@@ -155,8 +151,7 @@ class EstimatorClient {
   mutable std::mutex mutex_;
   Heard heard_;
   std::map<ros::Time, int> answers_;
-  std::map<std::string, Diagnostic> diagnostics_;
-  std::map<std::string, std::vector<Said>> said_;
+  std::map<std::string, std::vector<Diagnostic>> diagnostics_;  // all reports of a task
   std::vector<ros::Subscriber> subscribers_;
 };
 

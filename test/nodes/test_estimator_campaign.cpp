@@ -128,7 +128,7 @@ class EstimatorNode : public testing::Test {
         "input", [&](const Diagnostic& report) { return report.count(why) >= before + count - allowed; });
     const bool said = EstimatorClient::wait(
         [&] {
-          return node_->said("input", reports, [&](const EstimatorClient::Said& report) {
+          return node_->said("input", reports, [&](const Diagnostic& report) {
             return report.level >= warn && report.message.find(why) != std::string::npos &&
                    (joint.empty() || report.message.find("(" + joint + ")") != std::string::npos);
           });
