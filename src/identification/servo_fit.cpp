@@ -293,13 +293,17 @@ std::optional<ServoJoint> equation_error(const ServoProblem& problem) {
 
 namespace {
 
-/// Scales a covariance up to how the parameters move when one log after the other is left out (the
+/// Widens a covariance by how the parameters move when one log after the other is left out (the
 /// delete-one-group jackknife, in one step each): a model that is not the robot's to the last fits each
 /// motion with other numbers. The scores of the logs by themselves say less than that, since each log draws
 /// the fit to itself: intervals by them held the estimate of other motions of a real arm in half of the
-/// cases. Each parameter by its own spread, or by the geometric mean of all, which few logs say better.
-void scale_to_logs(const Eigen::MatrixXd& hessian, const std::vector<Eigen::MatrixXd>& of_logs,
-                   const std::vector<Eigen::VectorXd>& scores, Eigen::MatrixXd& covariance) {
+/// cases. Each parameter by its own spread, or by the geometric mean of all, which few logs say better. What
+/// the spread has beyond the covariance counts twice: there is no true number then but what as many other
+/// motions give, and these scatter as much.
+/// Returns the degrees of freedom of the sum (Satterthwaite 1946), `degrees` being those of `covariance`.
+double widen_to_logs(const Eigen::MatrixXd& hessian, const std::vector<Eigen::MatrixXd>& of_logs,
+                     const std::vector<Eigen::VectorXd>& scores, double degrees,
+                     Eigen::MatrixXd& covariance) {
   const Eigen::Index n = hessian.rows();
   const auto count = static_cast<Eigen::Index>(scores.size());
   Eigen::MatrixXd moved(n, count);
@@ -320,10 +324,12 @@ void scale_to_logs(const Eigen::MatrixXd& hessian, const std::vector<Eigen::Matr
     logarithms += std::log(ratio[k]);
     ++seen;
   }
-  if (seen == 0) return;
+  if (seen == 0) return degrees;
   const double usual = std::max(1.0, std::exp(logarithms / double(seen)));
-  const Eigen::VectorXd scale = ratio.cwiseMax(usual).cwiseSqrt();
+  const Eigen::VectorXd scale = (2.0 * ratio.cwiseMax(usual).array() - 1.0).sqrt();
   covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const double excess = 2.0 * (usual - 1.0), sum = 1.0 + excess;
+  return sum * sum / (1.0 / degrees + excess * excess / double(count - 1));
 }
 
 }  // namespace
@@ -376,7 +382,7 @@ ServoInformation servo_information(const ServoProblem& problem, const ServoSolut
   for (const Eigen::VectorXd& s : blocks) S += (s - mean) * (s - mean).transpose();
   out.covariance = inverse * S * inverse * (double(blocks.size()) / double(blocks.size() - 1));
   out.degrees = double(blocks.size()) - double(n);
-  if (logs.size() >= 3) scale_to_logs(H, hessians, logs, out.covariance);
+  if (logs.size() >= 3) out.degrees = widen_to_logs(H, hessians, logs, out.degrees, out.covariance);
   return out;
 }
 
