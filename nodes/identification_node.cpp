@@ -66,7 +66,7 @@ const std::set<std::string>& own_parameters() {
 /// Settings of the parameters; `unknown` are those that are neither theirs nor the node's own.
 IdentificationSettings settings_of(const Texts& texts, std::vector<std::string>& unknown) {
   std::vector<std::string> unread;
-  const IdentificationSettings settings = identification_settings(texts, unread);
+  IdentificationSettings settings = identification_settings(texts, unread);
   for (const std::string& name : unread)
     if (own_parameters().count(name) == 0) unknown.push_back(name);
   return settings;
@@ -574,7 +574,7 @@ void IdentificationNode::prepare() {
   const auto wait_for_pose = [this] {
     const ros::SteadyTime end = ros::SteadyTime::now() + ros::WallDuration(timeout_);
     for (;;) {
-      const JointRecording::Pose pose = recording_->pose();
+      JointRecording::Pose pose = recording_->pose();
       if (pose.known && pose.age < timeout_) return pose;
       if (ros::SteadyTime::now() > end)
         throw Error("no message on " + topic_ + " that shows where the robot is");
@@ -692,7 +692,7 @@ int main(int argc, char** argv) {
     const ros::NodeHandle node("~");
     std::signal(SIGINT, dynid::on_signal);
     std::signal(SIGTERM, dynid::on_signal);
-    if (node.param<std::string>("bag", "") != "") return dynid::identify_bag(dynid::on_server(node));
+    if (!node.param<std::string>("bag", "").empty()) return dynid::identify_bag(dynid::on_server(node));
     dynid::IdentificationNode().spin();
   } catch (const std::exception& error) {
     std::cerr << "identification_node: " << dynid::one_line(error.what()) << std::endl;  // ROS is shut down

@@ -129,7 +129,7 @@ class Maker {
       return std::nullopt;
     }
     try {
-      const auto box = collision_box(job_.source, static_cast<int>(k) + 1, job_.base, job_.tip);
+      auto box = collision_box(job_.source, static_cast<int>(k) + 1, job_.base, job_.tip);
       if (!box) {
         bounds.shape = "no collision geometry";
       } else if (body.mass > 0.0 &&
@@ -142,7 +142,7 @@ class Maker {
       return box;
     } catch (const Error& error) {  // a mesh that is not on this machine
       bounds.shape = "its collision geometry could not be read";
-      report_.notes.push_back(error.what());
+      report_.notes.emplace_back(error.what());
       return std::nullopt;
     }
   }

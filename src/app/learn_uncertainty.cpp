@@ -239,7 +239,7 @@ Eigen::Vector3d contact_point(const Robot& robot, std::size_t link) {
   double reach = robot.tip.translation().norm();
   for (const Joint& joint : robot.joints) reach = std::max(reach, joint.origin.translation().norm());
   const StandardParameters& p = robot.joints[link].parameters;
-  const Eigen::Vector3d com = p[0] > 0.0 ? Eigen::Vector3d(p.segment<3>(1) / p[0]) : Eigen::Vector3d::Zero();
+  Eigen::Vector3d com = p[0] > 0.0 ? Eigen::Vector3d(p.segment<3>(1) / p[0]) : Eigen::Vector3d::Zero();
   if (p[0] > 0.0 && com.norm() <= reach) return com;
   return 0.5 * robot.joints[link + 1].origin.translation();
 }

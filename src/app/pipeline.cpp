@@ -21,7 +21,7 @@ PipelineReport run(const PipelineJob& job, const Context& context) {
   double from = 0.0;
   const auto next = [&](double share, bool last) {
     const double to = last ? 1.0 : from + share;
-    const Context part = context.part(from, to);
+    Context part = context.part(from, to);
     from = to;
     return part;
   };

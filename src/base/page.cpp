@@ -46,7 +46,7 @@ std::string rendered_page(const std::string& name, const nlohmann::json& view) {
   }
   mustache::mustache page(found->second);
   page.set_custom_escape(html_escaped);
-  const std::string html = page.render(data);
+  std::string html = page.render(data);
   if (!page.is_valid()) throw Error("page '" + name + "': " + page.error_message());
   return html;
 }

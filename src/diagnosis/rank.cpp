@@ -41,19 +41,22 @@ double cost_of(const Choice& choice, const GapModel& model) {
   return cost;
 }
 
-/// The base with its own effect of links on one link more: no further effect, but it may stand in the place
-/// of one.
+/// The base with its own effect of links on one link more, which stands there once more: a search takes each
+/// name once, but another wrong link may stand in the place of an effect.
 std::vector<GapModel> with_another_link(const Choice& choice, const GapModel& base) {
   std::vector<GapModel> out;
-  for (std::size_t k = 0; k < base.effects.size(); ++k) {
-    const Adopted& e = base.effects[k];
-    if (e.h->scope() != Scope::link) continue;
-    for (int unit = 0; unit < e.h->units(choice.search.robot()); ++unit) {
-      if (std::any_of(e.units.begin(), e.units.end(), [&](const UnitShape& u) { return u.unit == unit; }))
-        continue;
-      std::vector<Adopted> effects = without(base.effects, k);
-      effects.push_back(e);
-      effects.back().units.push_back({unit, e.units.front().shape, nullptr});
+  std::vector<std::pair<const Hypothesis*, int>> there;
+  for (const Adopted& e : base.effects)
+    if (e.h->scope() == Scope::link) there.emplace_back(e.h, e.units.front().unit);
+  for (std::size_t k = 0; k < there.size(); ++k) {
+    const Hypothesis* h = there[k].first;
+    if (std::any_of(there.begin(), there.begin() + static_cast<std::ptrdiff_t>(k),
+                    [&](const auto& other) { return other.first == h; }))
+      continue;
+    for (int unit = 0; unit < h->units(choice.search.robot()); ++unit) {
+      if (std::find(there.begin(), there.end(), std::pair{h, unit}) != there.end()) continue;
+      std::vector<Adopted> effects = base.effects;
+      effects.push_back({h, {{unit, {}, nullptr}}, 0.0});
       out.push_back(choice.search.moved_here(effects, base.kappa));
     }
   }

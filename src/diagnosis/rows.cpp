@@ -353,7 +353,7 @@ RowBlock GapRows::block(const Hypothesis& h, int unit, const Eigen::VectorXd& sh
       if (!used_[s] || !out.values.empty()) continue;
       out.channels = blocks[s - begin].channels;
       for (const Eigen::MatrixXd& values : blocks[s - begin].values)
-        out.values.push_back(Eigen::MatrixXd::Zero(size(), values.cols()));
+        out.values.emplace_back(Eigen::MatrixXd::Zero(size(), values.cols()));
     }
     tbb::parallel_for(std::size_t{0}, out.values.size(), [&](std::size_t k) {
       for (std::size_t s = begin; s < end; ++s)

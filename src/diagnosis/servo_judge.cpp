@@ -57,7 +57,7 @@ std::vector<Replaced> replacements(const ServoAnswer& a, std::size_t k, const st
     other.difference =
         log_evidence(p, other.fit, a.samples) - price_of(other.effect, a.samples) - own +
         predicted(with, judging_losses(p, other.fit, a.fit.width, a.samples), p.floor, held_samples);
-    out.push_back(std::move(other));
+    out.push_back(other);
   }
   return out;
 }
