@@ -151,14 +151,15 @@ class Judge {
     return shrink.fraction >= criteria_.least_shrink;
   }
 
-  /// A set is the whole story, and only some of it is sure. Those are named, with the sizes that they have
-  /// beside the others: that these take their part of the gap is certain, what they are is not.
+  /// A set is the whole story, and only some of it is sure. Those are named, with the sizes and shares that
+  /// they have beside the others: that these take their part of the gap is certain, what they are is not.
   void name_part(Judged& out, const Judged& all_of_it, const std::vector<bool>& sure) const {
     const GapModel& whole = all_of_it.model;
     std::vector<std::string> names;
     std::vector<Eigen::Index> kept;  // of the coefficients
     out.model = whole;
     out.model.effects.clear();
+    out.shares.clear();
     Eigen::Index at = 0;
     for (std::size_t k = 0; k < whole.effects.size(); ++k) {
       const Adopted& e = whole.effects[k];
@@ -167,6 +168,7 @@ class Judge {
           if (sure[k]) kept.push_back(at);
       if (sure[k]) {
         out.model.effects.push_back(e);
+        out.shares.push_back(all_of_it.shares[k]);
         continue;
       }
       const Eigen::MatrixXd own = own_contribution(whole, k);

@@ -32,8 +32,11 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
     out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1
                       ? best_shape(by, h, unit, grid[u], own, worth)
                       : best_shape(by, h, unit, grid[u], gain, worth);
+    const bool there =
+        std::any_of(base.model.effects.begin(), base.model.effects.end(),
+                    [&](const Adopted& e) { return e.h == &h && e.units.front().unit == unit; });
     const bool possible =
-        !h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape);
+        !there && (!h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape));
     out.gains[u] = possible ? gain(*out.best[u].block) - by.price(h, out.best[u])
                             : -std::numeric_limits<double>::infinity();
   });

@@ -111,9 +111,10 @@ std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_
   std::vector<std::size_t> windows, others;
   for (std::size_t k = 0; k < library_.size(); ++k) {
     if (grids_[k].empty()) continue;  // an arm of one joint has no pairs
-    // Once each: another joint of it is a matter of the first choice.
+    // Once each: another joint of it is a matter of the first choice. A further link is a further error.
     const auto same = [&](const Adopted& e) { return e.h->name() == library_[k]->name(); };
-    if (std::any_of(base.effects.begin(), base.effects.end(), same)) continue;
+    if (library_[k]->scope() != Scope::link && std::any_of(base.effects.begin(), base.effects.end(), same))
+      continue;
     (library_[k]->scope() == Scope::window ? windows : others).push_back(k);
   }
   const auto propose_all = [&](const std::vector<std::size_t>& which, bool refine, double worth) {

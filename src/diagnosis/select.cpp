@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "select.hpp"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -116,10 +118,10 @@ bool Choice::begun_elsewhere(int most) {
   bool better = false;
   std::vector<GapModel> beginnings = search.alternatives(search.none(model.kappa), 8);
   if (beginnings.size() > other_beginnings) beginnings.resize(other_beginnings);
-  for (const GapModel& beginning : beginnings) {
-    const GapModel other = search.grown(beginning, most);
-    if (other.score > model.score + criteria().least_better) model = other, better = true;
-  }
+  tbb::parallel_for(std::size_t{0}, beginnings.size(),
+                    [&](std::size_t k) { beginnings[k] = search.grown(beginnings[k], most); });
+  for (GapModel& other : beginnings)
+    if (other.score > model.score + criteria().least_better) model = std::move(other), better = true;
   return better;
 }
 

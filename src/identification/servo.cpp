@@ -432,7 +432,7 @@ void report(ServoFit& fit, const JointSearch& search, double confidence) {
 
   const detail::ServoBounds inertia = detail::servo_bounds(P::inertia, search.problem());
   if (!fit.si && fit.ratios.inertia < 4.0 * inertia.low)
-    fit.remarks.push_back(
+    fit.remarks.emplace_back(
         "the response is of first order at this sampling rate: the natural frequency is a lower limit");
   const double earlier = search.earlier_command();
   if (earlier > 0.0) {
@@ -443,7 +443,7 @@ void report(ServoFit& fit, const JointSearch& search, double confidence) {
     fit.remarks.push_back(text.str());
   }
   if (fit.ratios.coulomb <= 0.0 && fit.ratios.stribeck <= 0.0)
-    fit.remarks.push_back("no dry friction was seen");
+    fit.remarks.emplace_back("no dry friction was seen");
 }
 
 /// The joint's servo and what goes with it; what it replaces in the robot is in its ratios.
@@ -510,7 +510,7 @@ ServoIdentification identify_servos(const std::vector<Log>& logs, const std::opt
             search.run(fit);
             report(fit, search, options.confidence);
           } else {
-            fit.remarks.push_back("its command never moves: nothing is identified");
+            fit.remarks.emplace_back("its command never moves: nothing is identified");
           }
           const std::lock_guard<std::mutex> lock(mutex);
           ++done;

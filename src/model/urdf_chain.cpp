@@ -208,7 +208,7 @@ class Reader {
         }
       }
       if (ways.size() != 1) {
-        tips.push_back({at->name, joints});
+        tips.emplace_back(at->name, joints);
         return;
       }
       joints += is_fixed(*ways.front()) ? 0 : 1;

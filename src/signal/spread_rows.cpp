@@ -112,8 +112,7 @@ SpreadRows spread_rows(const std::vector<Log>& logs, Eigen::Index count) {
     double half = 0.5 * double(least_window) * interval;
     if (frequency > 0.0) half = std::max(half, phase_of_window / (top_of_spectrum * frequency));
     half = std::min(half, 0.1 * (log.t[N - 1] - log.t[0]));
-    const auto share =
-        std::max<Eigen::Index>(8, static_cast<Eigen::Index>(double(count) * double(N) / samples + 0.5));
+    const auto share = std::max<Eigen::Index>(8, std::lround(double(count) * double(N) / samples));
     Eigen::Matrix3Xd weights;
     for (const Eigen::Index centre : centres(log, travel, share)) {
       const double tc = std::clamp(log.t[centre], log.t[0] + half, log.t[N - 1] - half);

@@ -314,6 +314,32 @@ TEST(Diagnose, APayloadMayBeAnErrorOfTheLastLinkBesideOneOfAnother) {
   EXPECT_LT(payload->probability, 0.9);
 }
 
+// Each is an error of its own, with its link, and all of them enter a model.
+TEST(Diagnose, TwoLinksMayBeWrong) {
+  const Robot robot = panda();
+  const Diagnosis d =
+      diagnose(robot, recorded(robot,
+                               {"link_inertial_error:joints=2,mass=1,com=0:-0.08:0.03,inertia=0.03",
+                                "link_inertial_error:joints=4,mass=0.8,com=-0.04:0.03:0,inertia=0.02"},
+                               17));
+  EXPECT_EQ(d.verdict, Verdict::explained);
+  ASSERT_EQ(d.effects.size(), 2U);
+  std::set<double> links;
+  for (const FoundEffect& f : d.effects) {
+    EXPECT_EQ(f.effect.name, "link_inertial_error");
+    EXPECT_GT(f.share, 0.01);
+    EXPECT_EQ(std::vector<int>{static_cast<int>(value(f, "link"))}, f.effect.joints);
+    links.insert(value(f, "link"));
+  }
+  EXPECT_EQ(links.size(), 2U);
+  EXPECT_GT(d.shrink.fraction, 0.98);
+  const Robot better = patched(robot, d.effects);
+  for (const double link : links) {
+    const auto k = static_cast<std::size_t>(link) - 1;
+    EXPECT_FALSE(better.joints[k].parameters.isApprox(robot.joints[k].parameters)) << link;
+  }
+}
+
 // Law: of all bodies, the one that a fit is given instead of an impossible one is the nearest; a possible one
 // stays.
 TEST(Hypotheses, ImpossiblePayloadsGiveWayToTheNearestBody) {
