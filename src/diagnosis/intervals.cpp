@@ -116,8 +116,18 @@ Eigen::MatrixXd root_of_covariance(const GapRows& rows, const GapModel& model, E
       covariance += moved * moved.transpose();
     }
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  // What no row shows has an infinite variance: it stays where it is. And the variances of what some hardly
+  // show are not to drown the others'.
+  Eigen::VectorXd deviation = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  for (double& d : deviation) d = std::isfinite(d) ? d : 0.0;
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(deviation.size(), deviation.size());
+  for (Eigen::Index i = 0; i < deviation.size(); ++i)
+    for (Eigen::Index k = 0; k < i; ++k)
+      if (deviation[i] > 0.0 && deviation[k] > 0.0)
+        correlation(i, k) = covariance(i, k) / (deviation[i] * deviation[k]);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation);  // reads the lower triangle
+  return deviation.asDiagonal() * eigen.eigenvectors() *
+         eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
 /// One parameter: its value, the draws of it (values x draws), and the error of the effect's form.
