@@ -76,7 +76,9 @@ bool is_joint_state(const std::uint8_t* data, std::size_t size) noexcept {
   if (!skip(1) || !number(names)) return false;
   for (std::uint32_t i = 0; i < names; ++i)
     if (!skip(1)) return false;
-  return skip(sizeof(double)) && skip(sizeof(double)) && skip(sizeof(double)) && at == size;
+  for (int array = 0; array < 3; ++array)  // position, velocity, effort
+    if (!skip(sizeof(double))) return false;
+  return at == size;
 }
 
 }  // namespace dynid

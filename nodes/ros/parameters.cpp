@@ -105,7 +105,7 @@ std::string Parameters::text(const std::string& name, const std::string& usual) 
 }
 
 std::string Parameters::required_text(const std::string& name) const {
-  const std::string value = text(name, "");
+  std::string value = text(name, "");
   if (value.empty()) refuse(name, "not set, and there is no default");
   return value;
 }
@@ -158,7 +158,7 @@ Eigen::VectorXd Parameters::numbers(const std::string& name, int count, const Ra
 
 std::string Parameters::choice(const std::string& name, const std::string& usual,
                                const std::vector<std::string>& choices) const {
-  const std::string value = text(name, usual);
+  std::string value = text(name, usual);
   if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
   refuse(name, "'" + value + "' is none of " + join(choices));
 }
