@@ -102,9 +102,9 @@ Robot PlantNode::read_robot() const {
   const std::string path = parameters_.required_text("model");
   std::vector<Inconsistency> broken;
   try {
-    const Robot robot = read_model_file(path, parameters_.text("base", ""), parameters_.text("tip", ""),
-                                        Consistency::warn, &broken)
-                            .robot;
+    Robot robot = read_model_file(path, parameters_.text("base", ""), parameters_.text("tip", ""),
+                                  Consistency::warn, &broken)
+                      .robot;
     for (const Inconsistency& b : broken) ROS_WARN_STREAM(path << ": " << describe(b));
     return robot;
   } catch (const Error& error) {

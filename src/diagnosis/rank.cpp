@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "dynid/diagnosis/calibration.hpp"
 #include "energy.hpp"
@@ -41,22 +42,20 @@ double cost_of(const Choice& choice, const GapModel& model) {
   return cost;
 }
 
-/// The base with its own effect of links on one link more, which stands there once more: a search takes each
-/// name once, but another wrong link may stand in the place of an effect.
+/// The base with one more wrong link, for each that may be: the search proposes the best of them alone, but
+/// it is another that may stand in the place of an effect.
 std::vector<GapModel> with_another_link(const Choice& choice, const GapModel& base) {
   std::vector<GapModel> out;
-  std::vector<std::pair<const Hypothesis*, int>> there;
-  for (const Adopted& e : base.effects)
-    if (e.h->scope() == Scope::link) there.emplace_back(e.h, e.units.front().unit);
-  for (std::size_t k = 0; k < there.size(); ++k) {
-    const Hypothesis* h = there[k].first;
-    if (std::any_of(there.begin(), there.begin() + static_cast<std::ptrdiff_t>(k),
-                    [&](const auto& other) { return other.first == h; }))
-      continue;
-    for (int unit = 0; unit < h->units(choice.search.robot()); ++unit) {
-      if (std::find(there.begin(), there.end(), std::pair{h, unit}) != there.end()) continue;
+  std::set<const Hypothesis*> seen;
+  for (const Adopted& e : base.effects) {
+    if (e.h->scope() != Scope::link || !seen.insert(e.h).second) continue;
+    for (int unit = 0; unit < e.h->units(choice.search.robot()); ++unit) {
+      const auto there = [&](const Adopted& other) {
+        return other.h == e.h && other.units.front().unit == unit;
+      };
+      if (std::any_of(base.effects.begin(), base.effects.end(), there)) continue;
       std::vector<Adopted> effects = base.effects;
-      effects.push_back({h, {{unit, {}, nullptr}}, 0.0});
+      effects.push_back({e.h, {{unit, {}, nullptr}}, 0.0});
       out.push_back(choice.search.moved_here(effects, base.kappa));
     }
   }
