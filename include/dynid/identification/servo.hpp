@@ -28,8 +28,8 @@ struct ServoOptions {
   /// Parts of the logs (or, where there are fewer logs, of their time) of which one at a time is left out.
   int folds = 3;
   bool further_terms = true;  ///< seek terms beyond stiffness, damping, Coulomb friction, delay and bias
-  /// Of the intervals. Where the model is the robot's, these hold the truth so often; where logs ask for other
-  /// numbers each (three at least), they hold what as many other logs give.
+  /// Of the intervals. Where the model is the robot's, these hold the truth so often; where logs ask for
+  /// other numbers each (three at least), they hold what as many other logs give.
   double confidence = 0.9;
   /// Called with the stage and the share done, on any thread but never on two at once; may throw to cancel.
   std::function<void(const std::string& stage, double fraction)> progress;
