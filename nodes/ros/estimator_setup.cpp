@@ -58,7 +58,7 @@ EstimatorSetup read_estimator_setup(const Parameters& parameters) {
         parameters.refuse("joint_names", "'" + setup.joints[i] + "' is there twice");
 
   const auto over_joints = [&](const char* name, const Parameters::Range& range) {
-    const Eigen::VectorXd given = parameters.numbers(name, -1, range);
+    Eigen::VectorXd given = parameters.numbers(name, -1, range);
     if (given.size() != 0 && given.size() != 1 && given.size() != n)
       parameters.refuse(name,
                         "1 value or " + std::to_string(n) + " needed, not " + std::to_string(given.size()));
