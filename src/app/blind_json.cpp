@@ -68,7 +68,8 @@ nlohmann::json found_json(const FoundEffect& e) {
     intervals[p.key] = {{"low", std::vector<double>(p.low.begin(), p.low.end())},
                         {"high", std::vector<double>(p.high.begin(), p.high.end())}};
   return {{"name", e.effect.name},  {"joints", e.effect.joints},    {"parameters", e.effect.parameters},
-          {"intervals", intervals}, {"probability", e.probability}, {"aliases", e.aliases}};
+          {"intervals", intervals}, {"probability", e.probability}, {"share", e.share},
+          {"aliases", e.aliases}};
 }
 
 nlohmann::json considered_json(const ConsideredEffect& e) {
@@ -88,11 +89,22 @@ nlohmann::json case_json(const BlindCase& c) {
   for (const FoundEffect& e : c.found) found.push_back(found_json(e));
   nlohmann::json considered = nlohmann::json::array();
   for (const ConsideredEffect& e : c.considered) considered.push_back(considered_json(e));
-  return {{"truth", truth},           {"withheld", c.withheld},       {"verdict", to_string(c.verdict)},
-          {"found", found},           {"p_value", c.p_value},         {"explained", c.explained},
-          {"shrink", c.shrink},       {"true_shrink", c.true_shrink}, {"nominal_error", c.nominal_error},
-          {"seconds", c.seconds},     {"failure", c.failure},         {"drawn", c.drawn},
-          {"shares", c.truth_shares}, {"considered", considered},     {"background", c.background}};
+  return {{"truth", truth},
+          {"withheld", c.withheld},
+          {"verdict", to_string(c.verdict)},
+          {"found", found},
+          {"p_value", c.p_value},
+          {"explained", c.explained},
+          {"shrink", c.shrink},
+          {"true_shrink", c.true_shrink},
+          {"nominal_error", c.nominal_error},
+          {"seconds", c.seconds},
+          {"failure", c.failure},
+          {"drawn", c.drawn},
+          {"shares", c.truth_shares},
+          {"considered", considered},
+          {"background", c.background},
+          {"within_tolerance", c.within_tolerance}};
 }
 
 }  // namespace

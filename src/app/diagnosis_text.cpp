@@ -82,8 +82,9 @@ void print(std::ostream& out, const BlindReport& report) {
   const BlindScore& s = report.score;
   out << s.cases << " cases, seed " << report.options.seed << "\n  no gap: " << s.false_alarms << " of "
       << s.no_gap << " given an effect\n  first effect right: " << s.first_right << " of " << s.known << " ("
-      << s.class_right << " with its declared aliases)\n  both of a pair: " << s.both_found << " of "
-      << s.pairs << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
+      << s.class_right << " with its declared aliases)\n  within the tolerance: " << s.known_within
+      << " of these, called no gap " << s.known_within_clean << "\n  both of a pair: " << s.both_found
+      << " of " << s.pairs << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
       << "\n  wrong at a probability of 0.9 or more: " << s.confident_wrong << "\n  calibration error "
       << s.calibration_error << ", intervals cover " << s.covered << " of " << s.intervals
       << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink << " ("

@@ -49,10 +49,10 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
           // The draw is forgotten before the diagnosis begins; the label goes to the sealed folder.
           const detail::Stage stage = detail::stage_of(nominal, options, static_cast<int>(k), attempt);
           const detail::Draw draw = detail::draw_case(stage, options, static_cast<int>(k), attempt);
-          const std::vector<double> shares =
+          const detail::Recorded recorded =
               detail::record(stage, detail::kind_of(options, static_cast<int>(k)), draw, folder.string());
           write_file((sealed / (name + ".json")).string(),
-                     detail::label_json(stage, draw, shares).dump(1) + "\n");
+                     detail::label_json(stage, draw, recorded, options.diagnose.tolerance).dump(1) + "\n");
           if (stage.family) write_file((folder / "model.yaml").string(), to_yaml({stage.nominal, {}, {}}));
           withhold = draw.withheld;
           others = detail::all_but(stage, draw);
@@ -93,6 +93,7 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
     for (const nlohmann::json& e : nlohmann::json::parse(read_file(path))) {
       cases[k].truth.push_back({e["name"], e["joints"], e["parameters"]});
       cases[k].truth_shares.push_back(e.value("share", 0.0));
+      cases[k].within_tolerance = e.value("within_tolerance", false);
     }
   }
   return cases;

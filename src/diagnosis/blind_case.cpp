@@ -223,7 +223,7 @@ SimulateOptions plant_options(const Stage& stage, BlindKind kind, unsigned long 
 
 }  // namespace
 
-nlohmann::json label_json(const Stage& stage, const Draw& draw, const std::vector<double>& shares) {
+nlohmann::json label_json(const Stage& stage, const Draw& draw, const Recorded& recorded, double tolerance) {
   const Robot& robot = stage.robot;
   nlohmann::json label = nlohmann::json::array();
   std::vector<Effect> all = draw.effects;
@@ -243,20 +243,27 @@ nlohmann::json label_json(const Stage& stage, const Draw& draw, const std::vecto
     joints.erase(std::unique(joints.begin(), joints.end()), joints.end());
     label.push_back({{"name", draw.unknown}, {"joints", joints}, {"parameters", nlohmann::json::object()}});
   }
-  for (std::size_t k = 0; k < label.size() && k < shares.size(); ++k) label[k]["share"] = shares[k];
+  for (std::size_t k = 0; k < label.size() && k < recorded.shares.size(); ++k)
+    label[k]["share"] = recorded.shares[k];
+  if (recorded.size > 0.0)
+    for (nlohmann::json& e : label) e["within_tolerance"] = recorded.size <= tolerance;
   return label;
 }
 
 namespace {
 
-/// Energy that each effect of the case has in a log, joints scaled by their torque ranges.
-void add_energies(const Stage& stage, const Draw& draw, const SimulatedRun& run,
-                  std::vector<double>& energies) {
+/// Energy that each effect of the case has in a log, joints scaled by their torque ranges. Returns the torque
+/// of all of them.
+Eigen::MatrixXd add_energies(const Stage& stage, const Draw& draw, const SimulatedRun& run,
+                             std::vector<double>& energies) {
   const Eigen::VectorXd weight = torque_ranges(stage.robot).cwiseInverse();
   const auto n = static_cast<std::size_t>(stage.robot.size());
   energies.resize(draw.effects.size() + stage.missing.size(), 0.0);
-  for (std::size_t k = 0; k < draw.effects.size(); ++k)
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(run.seen_dq.rows(), run.seen_dq.cols());
+  for (std::size_t k = 0; k < draw.effects.size(); ++k) {
     energies[k] += (run.injected[k] * weight.asDiagonal()).squaredNorm();
+    all += run.injected[k];
+  }
   for (std::size_t m = 0; m < stage.missing.size(); ++m) {
     const Effect& e = stage.missing[m];
     const std::vector<double>& x = e.parameters.begin()->second;
@@ -267,15 +274,18 @@ void add_energies(const Stage& stage, const Draw& draw, const SimulatedRun& run,
           e.name == "rotor_inertia" ? run.seen_ddq.col(column).array() : run.seen_dq.col(column).array();
       if (e.name == "coulomb_friction") torque = (torque / width).tanh();
       energies[draw.effects.size() + m] += (x[j] * weight[column] * torque).square().sum();
+      all.col(column).array() += x[j] * torque;
     }
   }
+  return all;
 }
 
 }  // namespace
 
-std::vector<double> record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder) {
+Recorded record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder) {
   std::filesystem::create_directories(folder);
   std::vector<double> energies;
+  Eigen::RowVectorXd gap = Eigen::RowVectorXd::Zero(stage.robot.size()), carried = gap;
   for (int l = 0; l < stage.run.logs; ++l) {
     const unsigned long seed = draw.seed + static_cast<unsigned long>(l);
     SimulateOptions plant = plant_options(stage, kind, seed);
@@ -284,14 +294,20 @@ std::vector<double> record(const Stage& stage, BlindKind kind, const Draw& draw,
     const Trajectory motion = stage.family ? family_motion(stage.robot, stage.run, seed)
                                            : random_motion(stage.robot, stage.run.duration, seed);
     SimulatedRun run = simulate(robot, draw.effects, motion, plant);
-    if (plant.record_torques) add_energies(stage, draw, run, energies);
-    if (!draw.unknown.empty()) run.log.tau += torque_of_unknown(stage, draw, run.log, seed);
+    if (plant.record_torques) gap += add_energies(stage, draw, run, energies).colwise().squaredNorm();
+    carried += run.log.tau.colwise().squaredNorm();
+    if (!draw.unknown.empty()) {
+      const Eigen::MatrixXd unknown = torque_of_unknown(stage, draw, run.log, seed);
+      gap += unknown.colwise().squaredNorm();
+      run.log.tau += unknown;
+    }
     write_log(folder + (l == 0 ? "/log_a.csv" : "/log_b.csv"), run.log);
   }
   double sum = 0.0;
   for (const double e : energies) sum += e;
   for (double& e : energies) e = sum > 0.0 ? e / sum : 0.0;
-  return energies;
+  const double size = stage.family ? std::sqrt((gap.array() / carried.array().max(1e-300)).maxCoeff()) : 0.0;
+  return {energies, size};
 }
 
 namespace {

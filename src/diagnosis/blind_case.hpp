@@ -36,11 +36,17 @@ BlindKind kind_of(const BlindOptions& options, int index);
 Stage stage_of(const Robot& nominal, const BlindOptions& options, int index, int attempt);
 /// What is added to the robot, and what is taken out of the library.
 Draw draw_case(const Stage& stage, const BlindOptions& options, int index, int attempt);
+/// What the logs of a case hold of its effects; of nothing but the family.
+struct Recorded {
+  std::vector<double> shares;  ///< of each
+  double size = 0.0;           ///< rms of all of them together over the joint's torque, where that is largest
+};
 /// Writes the logs of a case to `folder` (log_a.csv, log_b.csv): one robot, two motions (in the family one or
-/// two). Returns the effects' shares. Throws Error where the robot leaves its motion.
-std::vector<double> record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder);
+/// two). Throws Error where the robot leaves its motion.
+Recorded record(const Stage& stage, BlindKind kind, const Draw& draw, const std::string& folder);
 /// The truth in the words of the diagnosis: a payload's centre of mass in the last link's frame.
-nlohmann::json label_json(const Stage& stage, const Draw& draw, const std::vector<double>& shares);
+/// `tolerance`: relative error of the nominal that is not a gap.
+nlohmann::json label_json(const Stage& stage, const Draw& draw, const Recorded& recorded, double tolerance);
 /// Puts what the diagnosis said into the case.
 void set_answer(const Diagnosis& diagnosis, BlindCase& out);
 /// The library without the effects that were put in; nothing where they are not all of it.

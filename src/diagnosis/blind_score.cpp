@@ -132,6 +132,8 @@ std::map<std::string, double> further_figures(const BlindScore& s) {
           {"triples", s.triples},
           {"all_three_found", s.all_three_found},
           {"known_unexplained", s.known_unexplained},
+          {"known_within", s.known_within},
+          {"known_within_clean", s.known_within_clean},
           {"vendor_main", s.vendor_main},
           {"vendor_main_named", s.vendor_main_named},
           {"vendor_further", s.vendor_further},
@@ -177,6 +179,10 @@ BlindScore score(const std::vector<BlindCase>& cases) {
     }
     ++s.known;
     if (c.verdict == Verdict::unexplained) ++s.known_unexplained;
+    if (c.within_tolerance) {
+      ++s.known_within;
+      if (c.verdict == Verdict::no_gap || c.verdict == Verdict::not_detected) ++s.known_within_clean;
+    }
     const auto is_true = [&](const std::string& name) {
       return std::any_of(c.truth.begin(), c.truth.end(), [&](const Effect& e) { return e.name == name; });
     };

@@ -128,10 +128,9 @@ Base Evaluator::base_of(const GapModel& model) const {
   return base;
 }
 
-double Evaluator::own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel,
+double Evaluator::own_gain(const Hypothesis& h, int joint, const RowBlock& block, const Channel& channel,
                            double kappa) const {
-  return fit_channel(rows, block.channels[0], channel.y, channel.columns, {&block, &h}, kappa, channel.by)
-             .evidence -
+  return fit_channel(rows, joint, channel.y, channel.columns, {&block, &h}, kappa, channel.by).evidence -
          channel.evidence;
 }
 

@@ -69,7 +69,8 @@ class Evaluator {
   Channel channel_of(const GapModel& model, int joint, bool keep_own,
                      const Hypothesis* without = nullptr) const;
   /// Log evidence that a block adds to a joint's own channel, and to all of them.
-  double own_gain(const Hypothesis& h, const RowBlock& block, const Channel& channel, double kappa) const;
+  double own_gain(const Hypothesis& h, int joint, const RowBlock& block, const Channel& channel,
+                  double kappa) const;
   double coupled_gain(const Hypothesis& h, const RowBlock& block, const Base& base) const;
 
   /// Whether coefficients and shape can be those of such an effect on such a joint, and on these logs.

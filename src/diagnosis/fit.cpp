@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace dynid::detail {
@@ -51,11 +52,12 @@ struct Normal {
   Eigen::MatrixXd G;     // p x p
   Eigen::VectorXd h;     // p
   Eigen::MatrixXd back;  // nuisance x (p + 1): A^-1 N^T [Phi | y]
+  double yy;
 };
 
 Normal normal_equations(const SeenChannel& base) {
   const Eigen::Index p = base.gram.cols() - 1;
-  return {base.gram.topLeftCorner(p, p), base.gram.topRightCorner(p, 1), base.taken};
+  return {base.gram.topLeftCorner(p, p), base.gram.topRightCorner(p, 1), base.taken, base.gram(p, p)};
 }
 
 /// Of the base's columns, then `more` (rows x e), for the base's gap less `fixed` (rows, or empty).
@@ -79,7 +81,9 @@ Normal normal_equations(const GapRows& rows, const SeenChannel& base, const Eige
   out.h << base.gram.topRightCorner(p, 1), cross.topRightCorner(e, 1);
   out.back.resize(taken.rows(), p + e + 1);
   out.back << base.taken.leftCols(p), taken.leftCols(e), base.taken.rightCols(1);
+  out.yy = base.gram(p, p);
   if (f > 0) {
+    out.yy += own(e, e) - 2.0 * cross(e, p);
     out.h.head(p) -= cross.bottomLeftCorner(1, p).transpose();
     out.h.tail(e) -= own.topRightCorner(e, 1);
     out.back.rightCols(1) -= taken.rightCols(1);
@@ -380,6 +384,22 @@ ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
   return best;
 }
 
+double quick_gain(const GapRows& rows, int joint, const Term& more, const std::vector<SeenChannel>& base) {
+  const Eigen::MatrixXd none(rows.size(), 0), *const values = more.block->find(joint);
+  if (values == nullptr) return 0.0;
+  const Eigen::VectorXd fixed = more.fixed() ? Eigen::VectorXd(values->rowwise().sum()) : Eigen::VectorXd();
+  const auto left = [](const Normal& normal) {
+    return std::max(normal.yy - normal.h.dot(solve(normal.G, normal.h, nullptr)), 1e-12 * normal.yy) + 1e-300;
+  };
+  double best = -std::numeric_limits<double>::infinity();
+  for (const SeenChannel& b : base)
+    best =
+        std::max(best, 0.5 * rows.active[joint] *
+                           std::log(left(normal_equations(b)) /
+                                    left(normal_equations(rows, b, more.fixed() ? none : *values, fixed))));
+  return best;
+}
+
 ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                       const Eigen::MatrixXd& columns, const std::vector<Eigen::Index>& free,
                       const std::vector<Eigen::Index>& fixed, double kappa,
@@ -396,6 +416,7 @@ ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,
     normal.back.resize(all.taken.rows(), p + 1);
     normal.back.leftCols(p) = all.taken(Eigen::all, free);
     normal.back.col(p) = all.taken.rightCols(1);
+    normal.yy = all.gram.bottomRightCorner(1, 1).value();
     for (const Eigen::Index f : fixed) {
       normal.h -= all.gram(free, f);
       normal.back.col(p) -= all.taken.col(f);

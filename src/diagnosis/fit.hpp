@@ -78,6 +78,10 @@ ChannelFit fit_channel(const GapRows& rows, int joint, const Eigen::VectorXd& y,
                        const Eigen::MatrixXd& columns, const Term& more, double kappa,
                        const std::vector<SeenChannel>& base);
 
+/// Log evidence that a block would bring to a joint's gap and columns if the given noise, the better of some,
+/// were a matter of size alone: quicker, for finding the shapes that are worth a fit.
+double quick_gain(const GapRows& rows, int joint, const Term& more, const std::vector<SeenChannel>& base);
+
 /// `y` less the columns `fixed` against the columns `free` (both: which of `columns`), by the better of the
 /// given noises: quick, for trying many subsets.
 ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,

@@ -38,6 +38,10 @@ using Gain = std::function<double(const RowBlock&)>;
 /// The best point of the grid by `gain`, refined where it gains `worth`.
 UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
                      const Gain& gain, double worth = -std::numeric_limits<double>::infinity());
+/// The same by what a joint does to its own torque, beside what its channel has.
+UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint,
+                         const std::vector<GridPoint>& points, const Channel& channel, double kappa,
+                         double worth = -std::numeric_limits<double>::infinity());
 /// Shape parameter `s` of a unit between low and high by golden section, kept where it gains more than
 /// `best`: returns the gain.
 double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low,

@@ -23,14 +23,11 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
     const int unit = static_cast<int>(u);
     // What a joint does to itself chooses the shape: what it does to the others costs much to compute and
     // adds little.
-    const auto own = [&](const RowBlock& block) {
-      return by.own_gain(h, {{unit}, {*block.find(unit)}}, base.channels[u], base.model.kappa);
-    };
     const double worth =
         refine ? by.criteria.worth_refining * by.price(h, {unit, grid[u][0].shape, grid[u][0].block})
                : std::numeric_limits<double>::infinity();
     out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1
-                      ? best_shape(by, h, unit, grid[u], own, worth)
+                      ? best_own_shape(by, h, unit, grid[u], base.channels[u], base.model.kappa, worth)
                       : best_shape(by, h, unit, grid[u], gain, worth);
     const bool there =
         std::any_of(base.model.effects.begin(), base.model.effects.end(),

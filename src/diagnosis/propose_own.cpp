@@ -9,14 +9,15 @@ Adopted propose_own(const Evaluator& by, const Hypothesis& h, const Grid& grid, 
   Adopted effect{&h, {}, 0.0};
   for (std::size_t u = 0; u < grid.size(); ++u) {
     const Channel& channel = base.channels[u];
-    const auto gain = [&](const RowBlock& block) { return by.own_gain(h, block, channel, base.model.kappa); };
     const double worth = !refine
                              ? std::numeric_limits<double>::infinity()
                              : by.criteria.worth_refining *
                                    (by.price(h, {static_cast<int>(u), grid[u][0].shape, grid[u][0].block}) +
                                     by.criteria.joint_gain);
-    const UnitShape unit = best_shape(by, h, static_cast<int>(u), grid[u], gain, worth);
-    const double gained = gain(*unit.block) - by.price(h, unit);
+    const UnitShape unit =
+        best_own_shape(by, h, static_cast<int>(u), grid[u], channel, base.model.kappa, worth);
+    const double gained =
+        by.own_gain(h, unit.unit, *unit.block, channel, base.model.kappa) - by.price(h, unit);
     if (gained < by.criteria.joint_gain) continue;
     Eigen::VectorXd c = Eigen::VectorXd::Ones(1);
     if (!h.shape_only())

@@ -116,11 +116,25 @@ std::vector<Eigen::MatrixXd> prefix_sums(const RowBlock& block, const GapModel& 
   return sum;
 }
 
-/// The best window of free columns, and what one point does in it where those gain more than `least`.
-Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, Eigen::Index coefficients,
-             Eigen::Index longest, double least) {
+/// Half of the gap's energy in units of the noise, on the joints that a block acts on: of each row, that of
+/// those before it. No window gains more.
+std::vector<double> most_gained(const RowBlock& block, const GapModel& model) {
+  std::vector<double> sum = {0.0};
+  for (Eigen::Index i = 0; i < model.fit.left.rows(); ++i) {
+    double here = 0.0;
+    for (const int j : block.channels)
+      here +=
+          model.fit.left(i, j) * model.fit.left(i, j) / model.fit.noise[static_cast<std::size_t>(j)].variance;
+    sum.push_back(sum.back() + 0.5 * here);
+  }
+  return sum;
+}
+
+/// The best window of free columns that gains more than `least`, and what one point does in it.
+Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, const std::vector<double>& most,
+             Eigen::Index coefficients, Eigen::Index longest, double least) {
   const Eigen::Index p = sum.front().rows();
-  double here = 0.0;
+  double here = least;
   Eigen::Index begin = 0, end = 0;
   // A window goes on across what is kept to judge: a log's rows are a stretch, whatever their parts.
   for (Eigen::Index first = 0, last = 0; first < rows.size(); first = last) {
@@ -130,6 +144,7 @@ Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, Eigen
     for (Eigen::Index length = 5; length <= std::min<Eigen::Index>(last - first, longest);
          length = std::max(length + 1, length * 5 / 4)) {
       for (Eigen::Index i = first; i + length <= last; i += std::max<Eigen::Index>(1, length / 12)) {
+        if (most[static_cast<std::size_t>(i + length)] - most[static_cast<std::size_t>(i)] <= here) continue;
         const Eigen::MatrixXd d =
             sum[static_cast<std::size_t>(i + length)] - sum[static_cast<std::size_t>(i)];
         Eigen::MatrixXd G = d.leftCols(p);
@@ -139,7 +154,7 @@ Scanned scan(const GapRows& rows, const std::vector<Eigen::MatrixXd>& sum, Eigen
       }
     }
   }
-  if (here <= least) return {};  // free columns do at least as much as those of a point
+  if (end == 0) return {};  // free columns do at least as much as those of a point
   const BilinearGain bilinear =
       bilinear_gain(sum[static_cast<std::size_t>(end)] - sum[static_cast<std::size_t>(begin)], coefficients);
   return {bilinear.gain, 0, begin, end - 1, bilinear.place};
@@ -253,8 +268,9 @@ Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& gri
   const Eigen::Index longest = by.rows.size() * 2 / 5;  // what lasts longer is no window
   std::vector<Scanned> by_link(grid.size());
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
-    by_link[u] =
-        scan(by.rows, prefix_sums(spanned(grid[u]), base.model), grid[u][0].block->size(), longest, worth);
+    const RowBlock block = spanned(grid[u]);
+    by_link[u] = scan(by.rows, prefix_sums(block, base.model), most_gained(block, base.model),
+                      grid[u][0].block->size(), longest, worth);
     by_link[u].link = static_cast<int>(u);
   });
   Scanned found;

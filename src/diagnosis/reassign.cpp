@@ -97,9 +97,7 @@ std::vector<UnitShape> Search::forms_on(const GapModel& model, const std::vector
     const auto& points = grids_[static_cast<std::size_t>(which)][static_cast<std::size_t>(joint)];
     const double worth = by_.criteria.worth_refining *
                          (by_.price(h, {joint, points[0].shape, points[0].block}) + by_.criteria.joint_gain);
-    forms[i] = best_shape(
-        by_, h, joint, points, [&](const RowBlock& b) { return by_.own_gain(h, b, alone, model.kappa); },
-        worth);
+    forms[i] = best_own_shape(by_, h, joint, points, alone, model.kappa, worth);
   }
   return forms;
 }
@@ -122,9 +120,8 @@ GapModel Search::simplified(GapModel model) const {
       effects.push_back({&simple, {}, 0.0});
       for (const UnitShape& u : general.units) {
         const Channel alone = by_.channel_of(model, u.unit, false);
-        effects.back().units.push_back(
-            best_shape(by_, simple, u.unit, grids_[l][static_cast<std::size_t>(u.unit)],
-                       [&](const RowBlock& b) { return by_.own_gain(simple, b, alone, model.kappa); }));
+        effects.back().units.push_back(best_own_shape(
+            by_, simple, u.unit, grids_[l][static_cast<std::size_t>(u.unit)], alone, model.kappa));
       }
       if (!contains(block, *effects.back().units.front().block)) continue;
       const GapModel both = reassigned(evaluate(std::move(effects), model.kappa));
@@ -148,8 +145,7 @@ GapModel Search::reshaped(const GapModel& model) const {
       const auto same_joint = [&](const UnitShape& other) { return other.unit == u.unit; };
       if (std::none_of(newest.units.begin(), newest.units.end(), same_joint)) continue;
       const Channel rest = by_.channel_of(model, u.unit, true, &h);
-      u = best_shape(by_, h, u.unit, grids_[which][static_cast<std::size_t>(u.unit)],
-                     [&](const RowBlock& b) { return by_.own_gain(h, b, rest, model.kappa); });
+      u = best_own_shape(by_, h, u.unit, grids_[which][static_cast<std::size_t>(u.unit)], rest, model.kappa);
     }
   }
   GapModel better = evaluate(std::move(effects), model.kappa);

@@ -10,6 +10,7 @@ namespace {
 
 constexpr std::size_t reshaped_first = 4;  // what comes after these does not become the best by its shape
 constexpr std::size_t spare_refined = 4;   // beyond as many as are fitted jointly: a grid is coarse
+constexpr std::size_t always_refined = 2;  // however far they are from what is of interest
 
 /// Rows in which no window of the effects acts; all, where they leave too few.
 std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector<Adopted>& effects) {
@@ -27,6 +28,20 @@ std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector
 }
 
 }  // namespace
+
+Trail::Set Trail::set_of(const GapModel& model) {
+  Set out{{}, model.kappa, model.score};
+  for (const Adopted& e : model.effects)
+    for (const UnitShape& u : e.units) out.units.emplace(e.h, u.unit);
+  return out;
+}
+
+bool Trail::meets(const GapModel& model, double enough) const {
+  const Set here = set_of(model);
+  return std::any_of(sets_.begin(), sets_.end(), [&](const Set& s) {
+    return s.kappa == here.kappa && s.units == here.units && here.score < s.score + enough;
+  });
+}
 
 Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library, const Criteria& criteria)
     : by_(rows, criteria), library_(std::move(library)), grids_(library_.size()) {
@@ -70,19 +85,23 @@ std::vector<std::string> Search::names() const {
   return out;
 }
 
-std::vector<GapModel> Search::proposed_elsewhere(const GapModel& base, std::size_t joint_refits) const {
+std::vector<GapModel> Search::proposed_elsewhere(const GapModel& base, std::size_t joint_refits,
+                                                 double worth) const {
+  // The proposer has fewer rows: as many times less evidence.
+  const double here = worth * double(proposer_->rows().size()) / double(rows().size());
   std::vector<GapModel> models =
-      proposer_->alternatives(proposer_->moved_here(base.effects, base.kappa), joint_refits);
+      proposer_->alternatives(proposer_->moved_here(base.effects, base.kappa), joint_refits, here);
   tbb::parallel_for(std::size_t{0}, models.size(),
                     [&](std::size_t k) { models[k] = moved_here(models[k].effects, base.kappa); });
   return models;
 }
 
-std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits) const {
+std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joint_refits,
+                                           double worth) const {
   constexpr std::size_t remembered = 12;
-  if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits));
+  if (proposer_ != nullptr) return best_first(proposed_elsewhere(base, joint_refits, worth));
   Asked asked;
-  asked.second = {base.kappa, double(joint_refits)};
+  asked.second = {base.kappa, double(joint_refits), worth};
   for (const Adopted& e : base.effects) {
     for (const UnitShape& u : e.units) {
       asked.first.push_back(e.h);
@@ -94,7 +113,7 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
     const std::lock_guard<std::mutex> lock(answers_->mutex);
     if (const auto found = answers_->known.find(asked); found != answers_->known.end()) return found->second;
   }
-  std::vector<GapModel> models = alternatives_anew(base, joint_refits);
+  std::vector<GapModel> models = alternatives_anew(base, joint_refits, worth);
   const std::lock_guard<std::mutex> lock(answers_->mutex);
   if (!answers_->known.emplace(asked, models).second) return models;
   answers_->order.push_back(std::move(asked));
@@ -105,7 +124,8 @@ std::vector<GapModel> Search::alternatives(const GapModel& base, std::size_t joi
   return models;
 }
 
-std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_t joint_refits) const {
+std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_t joint_refits,
+                                                double worth) const {
   std::vector<Adopted> proposed(library_.size());
   const Base beginning = by_.base_of(base);
   std::vector<std::size_t> windows, others;
@@ -117,27 +137,31 @@ std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_
       continue;
     (library_[k]->scope() == Scope::window ? windows : others).push_back(k);
   }
-  const auto propose_all = [&](const std::vector<std::size_t>& which, bool refine, double worth) {
+  const auto propose_all = [&](const std::vector<std::size_t>& which, bool refine, double least) {
     tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
-      proposed[which[i]] = propose(by_, *library_[which[i]], grids_[which[i]], beginning, refine, worth);
+      proposed[which[i]] = propose(by_, *library_[which[i]], grids_[which[i]], beginning, refine, least);
     });
   };
+  // What is far from what it has to bring is not looked at any closer.
+  const double near = by_.criteria.worth_refining * worth;
   // To refine is what costs: only where a shape may then be among those that are fitted jointly.
   propose_all(others, false, 0.0);
   std::stable_sort(others.begin(), others.end(),
                    [&](std::size_t a, std::size_t b) { return proposed[a].gain > proposed[b].gain; });
   if (others.size() > joint_refits + spare_refined) others.resize(joint_refits + spare_refined);
+  while (others.size() > always_refined && proposed[others.back()].gain < near) others.pop_back();
   propose_all(others, true, 0.0);
   std::vector<double> gains(joint_refits, 0.0);
   for (const Adopted& e : proposed) gains.push_back(e.gain);
   std::sort(gains.rbegin(), gains.rend());
-  propose_all(windows, true, std::max(0.0, gains[joint_refits - 1]));
+  propose_all(windows, true, std::max({0.0, near, gains[joint_refits - 1]}));
   std::vector<Adopted> useful;
   for (Adopted& e : proposed)
     if (e.h != nullptr && !e.units.empty() && e.gain > 0.0) useful.push_back(std::move(e));
   std::stable_sort(useful.begin(), useful.end(),
                    [](const Adopted& a, const Adopted& b) { return a.gain > b.gain; });
   if (useful.size() > joint_refits) useful.resize(joint_refits);
+  while (useful.size() > always_refined && useful.back().gain < near) useful.pop_back();
   std::vector<GapModel> models(useful.size());
   tbb::parallel_for(std::size_t{0}, useful.size(), [&](std::size_t k) {
     std::vector<Adopted> effects = base.effects;
@@ -165,8 +189,8 @@ GapModel Search::exchanged(GapModel model) const {
   for (bool better = true; better;) {
     better = false;
     for (std::size_t k = 0; k < model.effects.size() && !better; ++k) {
-      const std::vector<GapModel> again = alternatives(evaluate(without(model.effects, k), model.kappa), 4);
-      better = !again.empty() && again[0].score > model.score + 1e-3;
+      const std::vector<GapModel> again = instead(model, k);
+      better = !again.empty() && again[0].score > model.score + 0.1;
       if (better) model = again[0];
     }
   }
@@ -192,8 +216,21 @@ bool Search::matters(const GapModel& model, const GapModel& next) const {
               .all();
 }
 
-GapModel Search::grown(GapModel model, int most) const {
+std::vector<GapModel> Search::instead(const GapModel& model, std::size_t which) const {
+  const GapModel base = evaluate(without(model.effects, which), model.kappa);
+  return alternatives(base, 4, model.score - base.score);
+}
+
+GapModel Search::grown(GapModel model, int most, Trail* trail) const {
+  // Whether others went on from here.
+  const auto passed = [&] {
+    if (trail == nullptr || model.effects.empty()) return false;
+    if (trail->meets(model, by_.criteria.least_better)) return true;
+    trail->add(model);
+    return false;
+  };
   const double kappa = model.kappa;
+  if (passed()) return model;
   while (static_cast<int>(model.effects.size()) < most) {
     const std::vector<GapModel> next = alternatives(model, 8);
     if (next.empty() || next[0].score < model.score + by_.criteria.effect_gain) break;
@@ -201,9 +238,10 @@ GapModel Search::grown(GapModel model, int most) const {
     model = next[0];
     // Exchange: an earlier choice may have stood in for what is known only now.
     for (std::size_t k = 0; k + 1 < model.effects.size(); ++k) {
-      const std::vector<GapModel> again = alternatives(evaluate(without(model.effects, k), kappa), 4);
-      if (!again.empty() && again[0].score > model.score + 1e-6) model = again[0];
+      const std::vector<GapModel> again = instead(model, k);
+      if (!again.empty() && again[0].score > model.score + 0.1) model = again[0];
     }
+    if (passed()) return model;
   }
   // Backward.
   for (std::size_t k = model.effects.size(); k-- > 0 && model.effects.size() > 1;) {

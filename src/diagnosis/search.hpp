@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,22 @@
 #include "propose.hpp"
 
 namespace dynid::detail {
+
+/// The sets that a search came through.
+class Trail {
+ public:
+  void add(const GapModel& model) { sets_.push_back(set_of(model)); }
+  /// The same effects on the same units, as good within `enough` [nat].
+  bool meets(const GapModel& model, double enough) const;
+
+ private:
+  struct Set {
+    std::set<std::pair<const Hypothesis*, int>> units;
+    double kappa, score;
+  };
+  static Set set_of(const GapModel& model);
+  std::vector<Set> sets_;
+};
 
 /// Finds effects in the rows of a gap: steps 5 and 7 of the method.
 class Search {
@@ -27,8 +44,9 @@ class Search {
   /// The best set of up to `most` effects, by forward steps with joint refits, exchanges and a backward
   /// check, for a nominal model whose parameters are off by `kappa`, relatively.
   GapModel best(double kappa, int most) const { return grown(none(kappa), most); }
-  /// The same from a set that is likely to be near it.
-  GapModel grown(GapModel model, int most) const;
+  /// The same from a set that is likely to be near it. `trail`: what other searches came through, to which
+  /// this one adds its own; one that comes to a set on it goes the same way from there, and ends.
+  GapModel grown(GapModel model, int most, Trail* trail = nullptr) const;
   /// The set with one effect after another in exchange for a better one, until none is better.
   GapModel exchanged(GapModel model) const;
   /// The gap with no effect.
@@ -44,8 +62,10 @@ class Search {
   /// What an effect costs of the score, whatever its size.
   double cost(const Adopted& effect) const { return by_.cost(effect); }
   /// The best form of every effect on top of a model (which may be none()), best first: each refitted jointly
-  /// with it.
-  std::vector<GapModel> alternatives(const GapModel& base, std::size_t joint_refits) const;
+  /// with it. `worth`: log evidence that an effect has to bring to be of interest; those that are far from it
+  /// on their grids are left out, but for the best two.
+  std::vector<GapModel> alternatives(const GapModel& base, std::size_t joint_refits,
+                                     double worth = 0.0) const;
   /// Of each effect with one coefficient on a joint of its own: the torque that it would have had to have to
   /// be named, on the joint that shows it least.
   std::vector<VisibleSize> smallest_visible(const GapModel& none) const;
@@ -76,20 +96,24 @@ class Search {
                                   const Channel& alone) const;
 
   /// The alternatives of the proposer, on these rows.
-  std::vector<GapModel> proposed_elsewhere(const GapModel& base, std::size_t joint_refits) const;
+  std::vector<GapModel> proposed_elsewhere(const GapModel& base, std::size_t joint_refits,
+                                           double worth) const;
 
   /// Those that can be, best first.
   std::vector<GapModel> best_first(std::vector<GapModel> models) const;
 
-  /// What alternatives() said last, by effects, units, shapes, kappa and refits: an exchange asks again for
-  /// what the one before it was told. Neither its limit nor the order of threads changes a result.
+  /// What may take the place of an effect of a model, best first.
+  std::vector<GapModel> instead(const GapModel& model, std::size_t which) const;
+
+  /// What alternatives() said last, by effects, units, shapes, kappa, refits and worth: an exchange asks
+  /// again for what the one before it was told. Neither its limit nor the order of threads changes a result.
   using Asked = std::pair<std::vector<const Hypothesis*>, std::vector<double>>;
   struct Answers {
     std::mutex mutex;
     std::map<Asked, std::vector<GapModel>> known;
     std::deque<Asked> order;
   };
-  std::vector<GapModel> alternatives_anew(const GapModel& base, std::size_t joint_refits) const;
+  std::vector<GapModel> alternatives_anew(const GapModel& base, std::size_t joint_refits, double worth) const;
 
   const Search* proposer_ = nullptr;
   Evaluator by_;

@@ -72,22 +72,23 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
       search(checked(), library, options.criteria) {
   say("choosing effects", 0.3);
   const double first_kappa = tuned({search.best(0.0, 1).effects}, options.tolerance);
-  model = search.best(first_kappa, options.most_effects);
+  Trail trail;
+  model = search.grown(search.none(first_kappa), options.most_effects, &trail);
   std::vector<std::vector<Adopted>> sets = {model.effects};
   for (std::size_t k = 0; k < model.effects.size(); ++k) sets.push_back(without(model.effects, k));
   const double kappa = tuned(sets, options.tolerance);
   if (kappa != first_kappa) {
     say("choosing effects again", 0.5);
-    const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects);
+    const GapModel again = search.grown(search.evaluate(model.effects, kappa), options.most_effects, &trail);
     if (again.score > model.score) model = again;
   }
-  begin_with_errors(options);
+  begin_with_errors(options, trail);
   const auto settle = [&] {
     if (!split.several) settle_windows(everything);
     if (keep_what_holds() && !split.several) settle_windows(everything);
   };
   settle();
-  if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects)) settle();
+  if (leaves_gap(options.tolerance) && begun_elsewhere(options.most_effects, trail)) settle();
 }
 
 Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice& sought)
@@ -114,18 +115,20 @@ bool Choice::leaves_gap(double tolerance) const {
          left_over(held, fit_terms(held, rest, {}, tolerance).residual, tolerance, criteria());
 }
 
-bool Choice::begun_elsewhere(int most) {
+bool Choice::begun_elsewhere(int most, const Trail& trail) {
   bool better = false;
   std::vector<GapModel> beginnings = search.alternatives(search.none(model.kappa), 8);
   if (beginnings.size() > other_beginnings) beginnings.resize(other_beginnings);
-  tbb::parallel_for(std::size_t{0}, beginnings.size(),
-                    [&](std::size_t k) { beginnings[k] = search.grown(beginnings[k], most); });
+  tbb::parallel_for(std::size_t{0}, beginnings.size(), [&](std::size_t k) {
+    Trail own = trail;
+    beginnings[k] = search.grown(beginnings[k], most, &own);
+  });
   for (GapModel& other : beginnings)
     if (other.score > model.score + criteria().least_better) model = std::move(other), better = true;
   return better;
 }
 
-void Choice::begin_with_errors(const DiagnoseOptions& options) {
+void Choice::begin_with_errors(const DiagnoseOptions& options, Trail& trail) {
   const Criteria& by = criteria();
   const auto body = [](const Adopted& e) {
     return e.h->scope() == Scope::link || e.h->scope() == Scope::arm;
@@ -135,7 +138,7 @@ void Choice::begin_with_errors(const DiagnoseOptions& options) {
     if (std::none_of(model.effects.begin(), model.effects.end(), body)) return;
     const double kappa = off * options.tolerance;
     if (kappa <= model.kappa) continue;
-    GapModel other = search.best(kappa, options.most_effects);
+    GapModel other = search.grown(search.none(kappa), options.most_effects, &trail);
     if (other.score > model.score + by.off_gain) model = std::move(other);
   }
 }

@@ -45,13 +45,13 @@ class Choice {
   double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;
   /// A body that was found first, with a nominal that is right, takes the place of a nominal that is off for
   /// good: where that was never identified, sought again with one that is off.
-  void begin_with_errors(const DiagnoseOptions& options);
+  void begin_with_errors(const DiagnoseOptions& options, Trail& trail);
   /// When something began, how fast, and when it ended is not predicted but seen: that of windows becomes
   /// what all rows fit best, since in a log alone it may lie in what is kept to judge.
   void settle_windows(const GapRows& everything);
-  /// Grows sets from other first effects: one step after the other leads to where the first one led. Whether
-  /// one is better; it is then the choice.
-  bool begun_elsewhere(int most);
+  /// Grows sets from other first effects than that of `trail`: one step after the other leads to where the
+  /// first one led. Whether one is better; it is then the choice.
+  bool begun_elsewhere(int most, const Trail& trail);
   /// Beside an effect that does not come back, others have to hold where it is not. Whether the model is
   /// another.
   bool keep_what_holds();

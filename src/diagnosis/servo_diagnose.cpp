@@ -49,7 +49,7 @@ class ServoDiagnosis {
     before_ = motion_errors(nominal_, logs_);
     for (const Joint& joint : nominal_.joints) d_.unit.push_back(joint_units(joint.type).position);
     if (measure_floors()) {
-      for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({whole(j), {}, {}, {}, {}, {}, 0.0});
+      for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({whole(j), {}, {}, {}, {}, {}, 0.0, false});
       std::vector<ServoProblemOfJoint> problems;
       for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
       measure_servo_gap(logs_, before_, problems, d_);
@@ -225,6 +225,7 @@ class ServoDiagnosis {
     say("judging", 0.8);
     for (std::size_t j = 0; j < answers_.size(); ++j) {
       answers_[j].choice = std::move(choices[j]);
+      answers_[j].within_tolerance = suspected_[j] != 0;
       if (payload_.present) loads->add(payload_, static_cast<int>(j), answers_[j].problem);
     }
     tbb::parallel_for(std::size_t{0}, answers_.size(),

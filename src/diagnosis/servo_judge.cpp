@@ -204,7 +204,7 @@ void judge_servo(ServoAnswer& a, const ServoCriteria& criteria) {
       again = true;
     }
   }
-  if (std::sqrt(2.0 * a.fit.loss) > criteria.form_error * p.floor)
+  if (a.within_tolerance || std::sqrt(2.0 * a.fit.loss) > criteria.form_error * p.floor)
     for (double& probability : a.probability) probability = std::min(probability, criteria.most_probable);
 }
 

@@ -18,6 +18,7 @@ struct ServoAnswer {
   std::vector<std::vector<std::string>> aliases;
   KnobFit fit;
   double samples = 0.0;
+  bool within_tolerance = false;  ///< the joint's gap, by its size: only its shape speaks for an effect
 };
 
 /// What the search said of one of the effects that it chose.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "propose.hpp"
 
@@ -77,6 +78,21 @@ UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const s
   }
   const UnitShape unit_shape{unit, point->shape, point->block};
   return points.size() > 1 && best < worth ? unit_shape : refined(by, h, unit_shape, gain);
+}
+
+UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint,
+                         const std::vector<GridPoint>& points, const Channel& channel, double kappa,
+                         double worth) {
+  constexpr std::size_t fitted = 3;  // of the grid
+  const auto own = [&](const RowBlock& block) { return by.own_gain(h, joint, block, channel, kappa); };
+  if (points.size() <= fitted) return best_shape(by, h, joint, points, own, worth);
+  std::vector<std::pair<double, std::size_t>> quick;
+  for (std::size_t k = 0; k < points.size(); ++k)
+    quick.emplace_back(-quick_gain(by.rows, joint, {points[k].block.get(), &h}, channel.by), k);
+  std::partial_sort(quick.begin(), quick.begin() + fitted, quick.end());
+  std::vector<GridPoint> best;
+  for (std::size_t k = 0; k < fitted; ++k) best.push_back(points[quick[k].second]);
+  return best_shape(by, h, joint, best, own, worth);
 }
 
 }  // namespace dynid::detail

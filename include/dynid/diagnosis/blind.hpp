@@ -46,7 +46,9 @@ struct BlindOptions {
 struct BlindCase {
   std::vector<Effect>
       truth;  ///< empty: no gap; the name of one that the library does not have starts with `unknown`
-  std::vector<double> truth_shares;     ///< of each in the gap's energy, joints scaled by their torque ranges
+  std::vector<double> truth_shares;  ///< of each in the gap's energy, joints scaled by their torque ranges
+  /// What was put in is within the tolerance of what each joint carries: `no_gap` is then the answer.
+  bool within_tolerance = false;
   std::vector<std::string> background;  ///< effects that are there too, and may be named or not
   bool vendor = false;
   std::map<std::string, std::string> drawn;  ///< what else was drawn, for a person
@@ -97,6 +99,8 @@ struct BlindScore {
   int unknown_confident = 0;                         ///< of `unknown`: the same
   int triples = 0, all_three_found = 0;
   int known_unexplained = 0;  ///< of `known`, called unexplained
+  /// Of `known`, those within the tolerance, and of these, called no_gap or not_detected.
+  int known_within = 0, known_within_clean = 0;
   // Vendor's models: viscous, Coulomb and rotor inertia with 2 % of the gap; the further effect with 3 %.
   int vendor_main = 0, vendor_main_named = 0, vendor_further = 0, vendor_further_named = 0;
   double vendor_friction_error = 0.0;  ///< median relative error of the friction coefficients named

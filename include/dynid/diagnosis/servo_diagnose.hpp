@@ -38,7 +38,8 @@ struct ServoCriteria {
   double least_probability = 0.5;
   /// Where a joint's fit leaves more than this many times the noise, the forms are not the robot's, and no
   /// name is surer than `most_probable`: on a real SO-101 two sets of motions agree on the size of what is
-  /// off, and on less than all of the names.
+  /// off, and on less than all of the names. Nor is one on a joint whose gap, by its size, may be that of a
+  /// nominal model within the tolerance: there only the gap's shape speaks for the effect.
   double form_error = 2.0, most_probable = 0.85;
   /// Standard deviation, in parts of itself, below which no size of an effect of a joint is known: the form
   /// is not the robot's. Set on the banks `blind --servo --family` of seeds 171001, 171002 and 171004.

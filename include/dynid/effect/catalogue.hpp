@@ -139,6 +139,7 @@ inline EffectSchema rotor_inertia() {
 inline EffectSchema viscous_friction() {
   EffectSchema s;
   s.name = "viscous_friction";
+  s.friction = true;
   s.text = "Fv dq";
   s.parameters = {per_joint("coefficient", "N m s/rad", "Fv", 1.0)};
   s.enter = [](Robot& robot, const Effect& effect) {
@@ -151,6 +152,7 @@ inline EffectSchema viscous_friction() {
 inline EffectSchema coulomb_friction() {
   EffectSchema s;
   s.name = "coulomb_friction";
+  s.friction = true;
   s.text = "Fc sign(dq)";
   s.parameters = {per_joint("coefficient", "N m", "Fc", 1.0), sign_scale()};
   s.enter = [](Robot& robot, const Effect& effect) {
@@ -176,6 +178,7 @@ inline EffectSchema coulomb_friction() {
 inline EffectSchema asymmetric_coulomb_friction() {
   EffectSchema s;
   s.name = "asymmetric_coulomb_friction";
+  s.friction = true;
   s.text = "Fc+ sign(dq) forwards, Fc- sign(dq) backwards";
   s.parameters = {per_joint("coefficient_positive", "N m", "Fc+, for dq > 0", 1.2),
                   per_joint("coefficient_negative", "N m", "Fc-, for dq < 0", 0.5), sign_scale()};
@@ -188,6 +191,7 @@ inline EffectSchema asymmetric_coulomb_friction() {
 inline EffectSchema stribeck_friction() {
   EffectSchema s;
   s.name = "stribeck_friction";
+  s.friction = true;
   s.text = "Fs exp(-|dq / v|^delta) sign(dq): what breaking away takes beyond Coulomb friction";
   s.parameters = {per_joint("static", "N m", "Fs", 1.0),
                   per_joint("stribeck_velocity", "rad/s", "v", 0.2).at_least(least_divisor),
@@ -199,6 +203,7 @@ inline EffectSchema stribeck_friction() {
 inline EffectSchema load_dependent_friction() {
   EffectSchema s;
   s.name = "load_dependent_friction";
+  s.friction = true;
   s.text = "Fl |tau| sign(dq), tau the torque passed through the joint";
   s.parameters = {per_joint("coefficient", "1", "Fl", 0.08).between(-0.9, 0.9), sign_scale()};
   s.compile = [](LoopTerms& terms, const Effect& effect) {
@@ -214,6 +219,7 @@ inline EffectSchema load_dependent_friction() {
 inline EffectSchema presliding_hysteresis() {
   EffectSchema s;
   s.name = "presliding_hysteresis";
+  s.friction = true;
   s.text = "LuGre friction: sigma0 z + sigma1 dz/dt, dz/dt = dq - sigma0 |dq| z / Fc";
   s.forms = {"stiffness", "slip"};
   s.parameters = {
@@ -235,6 +241,7 @@ inline EffectSchema presliding_hysteresis() {
 inline EffectSchema thermal_friction_drift() {
   EffectSchema s;
   s.name = "thermal_friction_drift";
+  s.friction = true;
   s.text = "Fv (1 - w) dq, T dw/dt = (dq / v)^2 - w: a cold joint that warms by moving";
   s.forms = {"time_constant", "motion_constant"};
   s.parameters = {

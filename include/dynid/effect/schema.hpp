@@ -95,6 +95,7 @@ struct EffectSchema {
   std::string name;
   std::string text;  ///< torque added on the measured side, in a line
   EffectScope scope = EffectScope::joints;
+  bool friction = false;  ///< a law of friction: a robot that has it is not one without
   std::vector<EffectParameter> parameters;
   /// An effect may be described in several ways. Each form is called by the parameter that only it has; the
   /// first is meant where none of these is given (it may be empty: it then has no parameter of its own).

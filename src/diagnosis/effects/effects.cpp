@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "dynid/base/error.hpp"
+#include "dynid/effect/catalogue.hpp"
 #include "dynid/friction/friction.hpp"
 #include "named.hpp"
 
@@ -124,9 +125,9 @@ bool has_effect(const Robot& robot, const char* name) {
 }  // namespace
 
 bool without_friction(const Robot& nominal) {
-  for (const char* law : {"asymmetric_coulomb_friction", "coulomb_friction", "load_dependent_friction",
-                          "presliding_hysteresis", "stribeck_friction", "viscous_friction"})
-    if (has_effect(nominal, law)) return false;
+  for (const Effect& e : nominal.effects)
+    if (const EffectSchema* schema = find_effect_schema(e.name); schema != nullptr && schema->friction)
+      return false;
   for (int j = 0; j < nominal.size(); ++j)
     if (nominal_friction(nominal, j, usual_speed(nominal, j)) != 0.0) return false;
   return true;
