@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <random>
 
+#include "alike.hpp"
 #include "dynid/base/error.hpp"
 #include "dynid/diagnosis/hypothesis.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
@@ -306,7 +307,12 @@ Recorded record(const Stage& stage, BlindKind kind, const Draw& draw, const std:
   double sum = 0.0;
   for (const double e : energies) sum += e;
   for (double& e : energies) e = sum > 0.0 ? e / sum : 0.0;
-  const double size = stage.family ? std::sqrt((gap.array() / carried.array().max(1e-300)).maxCoeff()) : 0.0;
+  // What a joint carries at least, as the diagnosis has it.
+  const Eigen::VectorXd load = carried.cwiseSqrt().transpose(),
+                        floor = Criteria().least_load * largest_alike(stage.robot, load);
+  const double size =
+      stage.family ? (gap.transpose().array().sqrt() / load.cwiseMax(floor).array().max(1e-300)).maxCoeff()
+                   : 0.0;
   return {energies, size};
 }
 
