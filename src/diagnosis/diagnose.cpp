@@ -225,7 +225,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   // Whether there is a gap is asked of all that may be coloured noise; what is explained of it, of less.
   const Eigen::VectorXd coloured =
       residual.cwiseMin(options.criteria.floor_room * rows.coloured_floor).cwiseMax(out.floor);
-  const GapSize size = gap_size(everything, coloured, options.tolerance, options.criteria);
+  const GapSize size = gap_size(moving, coloured, options.tolerance, options.criteria);
   out.p_value = size.p_value;
   out.upper = size.upper;
   out.tolerance = size.tolerance;
@@ -242,6 +242,8 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
       locate(shown, everything.white_floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
+
+  choice->search.end();
 
   out.ranking = judged.ranked.ranking;
   out.shrink = judged.shrink;

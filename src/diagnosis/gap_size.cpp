@@ -12,8 +12,9 @@ namespace {
 constexpr double normal_95 = 1.6449;
 constexpr Eigen::Index most_lags = 400;  // rows: what is correlated for longer is not noise
 
-/// Independent rows that a mean square rests on.
-double degrees_of_freedom(const GapRows& rows, const Eigen::VectorXd& x) {
+/// Independent rows that a joint's mean square rests on.
+double degrees_of_freedom(const GapRows& rows, int joint) {
+  const Eigen::VectorXd& x = rows.y.col(joint);
   const Eigen::Index longest = std::min(rows.size() / 4, most_lags);
   double own = x.squaredNorm() + 1e-300, sum = 0.0;
   for (Eigen::Index lag = 1; lag < longest; ++lag) {
@@ -24,7 +25,7 @@ double degrees_of_freedom(const GapRows& rows, const Eigen::VectorXd& x) {
     }
     sum += (product / own) * (product / own);
   }
-  return std::max(2.0, double(rows.size()) / (1.0 + 2.0 * sum));
+  return std::max(2.0, rows.active[joint] / (1.0 + 2.0 * sum));
 }
 
 /// Chi-squared over its degrees of freedom, and a standard normal variable (Wilson and Hilferty 1931).
@@ -47,8 +48,7 @@ GapSize gap_size(const GapRows& rows, const Eigen::VectorXd& floor, double toler
   out.upper.resize(n);
   double least = 1.0;
   for (int j = 0; j < n; ++j) {
-    const double freedom = degrees_of_freedom(rows, rows.y.col(j)),
-                 square = rows.y.col(j).squaredNorm() / double(rows.size());
+    const double freedom = degrees_of_freedom(rows, j), square = rows.y.col(j).squaredNorm() / rows.active[j];
     const double most = square / chi_squared_at(-normal_95, freedom);
     out.upper[j] = std::sqrt(std::max(0.0, most - std::pow(floor[j], 2)));
     const double allowed = std::pow(out.tolerance[j], 2) + std::pow(floor[j], 2);

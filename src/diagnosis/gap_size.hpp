@@ -17,7 +17,9 @@ struct GapSize {
   double p_value = 1.0;
   bool within() const { return (upper.array() <= tolerance.array()).all(); }
 };
-/// `floor`: n [N m or N] of the noise; `tolerance`: part of what each joint carries that is no gap.
+/// Of the rows that say something (GapRows::moving()): what a joint carries while it sticks is anything
+/// within its friction. `floor`: n [N m or N] of the noise; `tolerance`: part of what each joint carries that
+/// is no gap.
 GapSize gap_size(const GapRows& rows, const Eigen::VectorXd& floor, double tolerance,
                  const Criteria& criteria);
 

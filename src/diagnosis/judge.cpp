@@ -233,8 +233,9 @@ class Judge {
         "part by which the gap shrinks on data that neither chose nor fitted anything");
     if (!(out.shrink.fraction > 0.0) && !has_once(model)) {
       // Effects that the nominal's own errors work against enlarge the gap when they are taken out of it, and
-      // are there none the less.
-      if (!(model.kappa > 0.0) || !enough || !effects_do || least < criteria_.least_probability_within)
+      // are there none the less. Of a gap that those errors may be alone that says nothing.
+      if (!(model.kappa > 0.0) || !enough || !effects_do || !there || size.within() ||
+          least < criteria_.least_probability_within)
         return without_effects;
       say(out, "nominal_opposes", model.kappa, 0.0, true,
           "the model's own parameters are off by about this part, and work against the effects: the gap does "

@@ -72,6 +72,11 @@ class Search {
   /// Columns of every point of every effect's grid.
   std::vector<const RowBlock*> blocks() const;
   std::vector<std::string> names() const;  ///< of the library's effects; repeated where one has several forms
+  /// Lets go of the grids, which are most of a diagnosis' memory: nothing is sought any more.
+  void end() {
+    grids_ = std::vector<Grid>(library_.size());
+    answers_ = std::make_unique<Answers>();
+  }
   const GapRows& rows() const { return by_.rows; }
   const Robot& robot() const { return by_.robot(); }  ///< the nominal model
   const Criteria& criteria() const { return by_.criteria; }

@@ -35,7 +35,7 @@ class Choice {
 
   Split split;
   const GapRows rows, held;
-  const Search search;
+  Search search;
   GapModel model;
 
  private:
