@@ -49,7 +49,8 @@ class ServoDiagnosis {
     before_ = motion_errors(nominal_, logs_);
     for (const Joint& joint : nominal_.joints) d_.unit.push_back(joint_units(joint.type).position);
     if (measure_floors()) {
-      for (int j = 0; j < nominal_.size(); ++j) answers_.push_back({whole(j), {}, {}, {}, {}, {}, 0.0, false});
+      for (int j = 0; j < nominal_.size(); ++j)
+        answers_.push_back({whole(j), {}, {}, {}, {}, {}, 0.0, false});
       std::vector<ServoProblemOfJoint> problems;
       for (const ServoAnswer& a : answers_) problems.push_back(a.problem);
       measure_servo_gap(logs_, before_, problems, d_);
