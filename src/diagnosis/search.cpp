@@ -11,6 +11,7 @@ namespace {
 constexpr std::size_t reshaped_first = 4;  // what comes after these does not become the best by its shape
 constexpr std::size_t spare_refined = 4;   // beyond as many as are fitted jointly: a grid is coarse
 constexpr std::size_t always_refined = 2;  // however far they are from what is of interest
+constexpr double least_exchange = 0.1;     // nat: less is a matter of a shape's last steps
 
 /// Rows in which no window of the effects acts; all, where they leave too few.
 std::vector<Eigen::Index> outside_windows(const GapRows& rows, const std::vector<Adopted>& effects) {
@@ -190,7 +191,7 @@ GapModel Search::exchanged(GapModel model) const {
     better = false;
     for (std::size_t k = 0; k < model.effects.size() && !better; ++k) {
       const std::vector<GapModel> again = instead(model, k);
-      better = !again.empty() && again[0].score > model.score + 0.1;
+      better = !again.empty() && again[0].score > model.score + least_exchange;
       if (better) model = again[0];
     }
   }
@@ -239,7 +240,7 @@ GapModel Search::grown(GapModel model, int most, Trail* trail) const {
     // Exchange: an earlier choice may have stood in for what is known only now.
     for (std::size_t k = 0; k + 1 < model.effects.size(); ++k) {
       const std::vector<GapModel> again = instead(model, k);
-      if (!again.empty() && again[0].score > model.score + 0.1) model = again[0];
+      if (!again.empty() && again[0].score > model.score + least_exchange) model = again[0];
     }
     if (passed()) return model;
   }

@@ -260,11 +260,16 @@ TEST(Judge, LargeLimitsAreFound) {
   EXPECT_EQ(d.effects[0].effect.name, "torque_saturation");
 }
 
-// At rest the torque of a joint with friction is anything within it: dwells do not bend its shape.
-TEST(Judge, DwellsSayNothingAboutFriction) {
+Robot smooth_panda() {
   Robot robot = panda();
   for (Joint& joint : robot.joints) joint.friction = {};
-  constexpr double move = 1.0, hold = 1.0, rate = 250.0, coulomb = 1.2;
+  return robot;
+}
+
+/// Two logs of an arm that picks and places, without friction but for `coulomb` [N m] on the second and the
+/// fourth joint: at rest these carry anything within it.
+std::vector<Log> picking_and_placing(const Robot& robot, double coulomb) {
+  constexpr double move = 1.0, hold = 1.0, rate = 250.0;
   std::vector<Log> logs;
   for (const unsigned seed : {1U, 2U}) {
     std::mt19937_64 random(seed);
@@ -300,13 +305,31 @@ TEST(Judge, DwellsSayNothingAboutFriction) {
     }
     logs.push_back(log);
   }
-  const Diagnosis d = told(robot, logs);
+  return logs;
+}
+
+// At rest the torque of a joint with friction is anything within it: dwells do not bend its shape.
+TEST(Judge, DwellsSayNothingAboutFriction) {
+  const Robot robot = smooth_panda();
+  const Diagnosis d = told(robot, picking_and_placing(robot, 1.2));
   ASSERT_FALSE(d.effects.empty()) << to_string(d.verdict);
   EXPECT_EQ(d.effects[0].effect.name, "coulomb_friction");
   for (const FoundEffect& e : d.effects) {
     if (e.effect.name != "stribeck_friction") continue;
     for (const double x : e.effect.parameters.at("static")) EXPECT_GE(x, 0.0);
   }
+}
+
+// Nor are they a gap, however much a joint carries in them.
+TEST(Judge, WhatAJointCarriesAtRestIsNoGap) {
+  constexpr double coulomb = 3.0;
+  Robot robot = smooth_panda();
+  const std::vector<Log> logs = picking_and_placing(robot, coulomb);
+  for (const std::size_t j : {1U, 3U}) robot.joints[j].friction.linear = {0.0, coulomb, 0.0, 2e-3};
+  const Diagnosis d = told(robot, logs);
+  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.verdict == Verdict::no_gap || d.verdict == Verdict::not_detected) << to_string(d.verdict);
+  EXPECT_GT(d.p_value, 0.05);
 }
 
 // What no robot has is not proposed.
