@@ -246,7 +246,7 @@ nlohmann::json label_json(const Stage& stage, const Draw& draw, const Recorded& 
   }
   for (std::size_t k = 0; k < label.size() && k < recorded.shares.size(); ++k)
     label[k]["share"] = recorded.shares[k];
-  if (recorded.size > 0.0)
+  if (stage.family)
     for (nlohmann::json& e : label) e["within_tolerance"] = recorded.size <= tolerance;
   return label;
 }

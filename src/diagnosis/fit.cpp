@@ -52,7 +52,7 @@ struct Normal {
   Eigen::MatrixXd G;     // p x p
   Eigen::VectorXd h;     // p
   Eigen::MatrixXd back;  // nuisance x (p + 1): A^-1 N^T [Phi | y]
-  double yy;
+  double yy = 0.0;       // of what normal_equations() makes: y^T y
 };
 
 Normal normal_equations(const SeenChannel& base) {
@@ -416,7 +416,6 @@ ChannelFit fit_subset(const GapRows& rows, int joint, const Eigen::VectorXd& y,
     normal.back.resize(all.taken.rows(), p + 1);
     normal.back.leftCols(p) = all.taken(Eigen::all, free);
     normal.back.col(p) = all.taken.rightCols(1);
-    normal.yy = all.gram.bottomRightCorner(1, 1).value();
     for (const Eigen::Index f : fixed) {
       normal.h -= all.gram(free, f);
       normal.back.col(p) -= all.taken.col(f);

@@ -32,9 +32,10 @@ struct Criteria {
   /// a set that explains less is no answer: the gap is unexplained.
   double least_shrink = 0.65;
   /// Where the gap is within the tolerance, or may be noise, an effect is named only where it is this
-  /// probable: of what was weighed in the healthy cases of 17 banks (`dynid blind`, those of the calibration
-  /// and of seeds 20201 and 20301), all but two had at most 0.71, and those (0.76 and 0.78) did not shrink
-  /// the gap. So is one whose share is below least_share, however much of one joint's gap it is.
+  /// probable: of what was weighed in the healthy cases of 23 banks (`dynid blind`, those of the calibration
+  /// and of seeds 20201, 20202, 20206 and 20301), all but two had at most 0.71; of those, one (0.76) did not
+  /// shrink the gap, and one (0.78) explained none of it where it was judged. So is one whose share is below
+  /// least_share, however much of one joint's gap it is.
   double least_probability_within = 0.75;
   /// A joint sticks where its speed is below this many times what its own sensor resolves.
   double at_rest = 3.0;
