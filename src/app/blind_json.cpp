@@ -97,6 +97,7 @@ nlohmann::json case_json(const BlindCase& c) {
           {"explained", c.explained},
           {"shrink", c.shrink},
           {"true_shrink", c.true_shrink},
+          {"attainable", c.attainable},
           {"nominal_error", c.nominal_error},
           {"seconds", c.seconds},
           {"failure", c.failure},

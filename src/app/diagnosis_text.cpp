@@ -84,7 +84,12 @@ void print(std::ostream& out, const BlindReport& report) {
       << s.no_gap << " given an effect\n  first effect right: " << s.first_right << " of " << s.known << " ("
       << s.class_right << " with its declared aliases)\n  within the tolerance: " << s.known_within
       << " of these, called no gap " << s.known_within_clean << "\n  both of a pair: " << s.both_found
-      << " of " << s.pairs << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
+      << " of " << s.pairs;
+  if (s.attainable > 0)
+    out << "\n  of what shows where nothing else is sought, named: " << s.attainable_named << " of "
+        << s.attainable << ", first " << s.first_right_attainable << " of " << s.known_attainable
+        << ", both of a pair " << s.both_found_attainable << " of " << s.pairs_attainable;
+  out << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown
       << "\n  wrong at a probability of 0.9 or more: " << s.confident_wrong << "\n  calibration error "
       << s.calibration_error << ", intervals cover " << s.covered << " of " << s.intervals
       << "\n  median parameter error " << s.parameter_error << ", median shrink " << s.shrink << " ("

@@ -77,7 +77,9 @@ std::vector<BlindCase> run_blind(const Robot& nominal, const BlindOptions& optio
       detail::set_answer(d, here);
       if (!others.empty()) {  // what could have been had, now that the diagnosis is done
         diagnose_options.withhold = others;
-        here.true_shrink = diagnose(model, pair, diagnose_options).shrink.fraction;
+        const Diagnosis attained = diagnose(model, pair, diagnose_options);
+        here.true_shrink = attained.shrink.fraction;
+        for (const FoundEffect& e : attained.effects) here.attainable.push_back(e.effect.name);
       }
     } catch (const std::exception& failure) {
       here.failure = failure.what();

@@ -118,6 +118,24 @@ void score_vendor(const BlindCase& c, BlindScore& s, std::vector<double>& fricti
 
 }  // namespace
 
+namespace {
+
+void score_attainable(const BlindCase& c, bool first_right, BlindScore& s) {
+  int named = 0;
+  for (const std::string& name : c.attainable) named += names(c, name) ? 1 : 0;
+  const int all = static_cast<int>(c.attainable.size());
+  s.attainable += all;
+  s.attainable_named += named;
+  if (all == 0) return;
+  ++s.known_attainable;
+  if (first_right) ++s.first_right_attainable;
+  if (all != 2 || c.truth.size() != 2) return;
+  ++s.pairs_attainable;
+  if (named == all) ++s.both_found_attainable;
+}
+
+}  // namespace
+
 std::map<std::string, double> further_figures(const BlindScore& s) {
   return {{"named", s.named},
           {"named_confident", s.named_confident},
@@ -134,6 +152,12 @@ std::map<std::string, double> further_figures(const BlindScore& s) {
           {"known_unexplained", s.known_unexplained},
           {"known_within", s.known_within},
           {"known_within_clean", s.known_within_clean},
+          {"known_attainable", s.known_attainable},
+          {"first_right_attainable", s.first_right_attainable},
+          {"pairs_attainable", s.pairs_attainable},
+          {"both_found_attainable", s.both_found_attainable},
+          {"attainable", s.attainable},
+          {"attainable_named", s.attainable_named},
           {"vendor_main", s.vendor_main},
           {"vendor_main_named", s.vendor_main_named},
           {"vendor_further", s.vendor_further},
@@ -201,6 +225,7 @@ BlindScore score(const std::vector<BlindCase>& cases) {
       (c.truth.size() == 2 ? s.pairs : s.triples) += 1;
       if (found == c.truth.size()) ++(c.truth.size() == 2 ? s.both_found : s.all_three_found);
     }
+    score_attainable(c, right, s);
     if (first != nullptr) {
       ++judged;
       const auto bin = static_cast<std::size_t>(std::clamp(first->probability * 10.0, 0.0, 9.0));

@@ -87,13 +87,15 @@ class Judge {
   }
 
   /// The effect takes next to nothing of the gap, of all joints' and of each joint's own: a small effect on
-  /// one joint is an answer there, however large the gap is on others.
+  /// one joint is an answer there, however large the gap is on others. It is a hundredth of that joint's gap
+  /// at least; where it is next to nothing of all of the gap, as much as a further effect has to matter.
   bool is_nothing(const Judged& out, std::size_t k) const {
     if (out.shares[k] >= criteria_.least_share) return false;
-    if (out.shares[k] < 0.1 * criteria_.least_share) return true;
+    const double least =
+        out.shares[k] < 0.1 * criteria_.least_share ? criteria_.least_gain : criteria_.least_share;
     const Eigen::ArrayXd own = rms(own_contribution(out.model, k)).array(),
                          gap = rms(choice_.rows.y).array().max(criteria_.left_over * noise_.array());
-    return (own / gap).square().maxCoeff() < criteria_.least_share;
+    return (own / gap).square().maxCoeff() < least;
   }
 
   /// Weighs what is left, all of it together, and names of it what is more likely there than not, itself or

@@ -42,6 +42,11 @@ double cost_of(const Choice& choice, const GapModel& model) {
   return cost;
 }
 
+/// A set's score, the form errors of its effects being noise.
+double score_of(const Choice& choice, const GapModel& m, const FormError& form) {
+  return m.score - m.fit.total + evidence_with_form(choice.rows, m.fit, form.size, form.innovation);
+}
+
 /// The base with one more wrong link, for each that may be: the search proposes the best of them alone, but
 /// it is another that may stand in the place of an effect.
 std::vector<GapModel> with_another_link(const Choice& choice, const GapModel& base) {
@@ -66,9 +71,7 @@ std::vector<GapModel> with_another_link(const Choice& choice, const GapModel& ba
 std::map<std::string, Candidate> candidates(const Choice& choice, const GapModel& base, const FormError& form,
                                             const Eigen::VectorXd& floor, bool explained,
                                             std::vector<GapModel>& others) {
-  const auto score = [&](const GapModel& m) {
-    return m.score - m.fit.total + evidence_with_form(choice.rows, m.fit, form.size, form.innovation);
-  };
+  const auto score = [&](const GapModel& m) { return score_of(choice, m, form); };
   const auto left = [&](const GapModel& m) { return energy(m.fit.residual, floor); };
   std::map<std::string, Candidate> out = {{"", {score(base), 0.0, left(base)}}};
   others = choice.search.alternatives(base, 8);
@@ -94,11 +97,9 @@ std::vector<std::size_t> by_share(const std::vector<double>& shares) {
 
 double needed(const Choice& choice, const GapModel& model, std::size_t which, const Calibration& by) {
   const FormError form = form_error(choice, model, which);
-  const auto score = [&](const GapModel& m) {
-    return m.score - m.fit.total + evidence_with_form(choice.rows, m.fit, form.size, form.innovation);
-  };
   const GapModel base = choice.search.evaluate(without(model.effects, which), model.kappa);
-  return 1.0 / (1.0 + std::exp((score(base) - score(model)) / by.temperature));
+  return 1.0 /
+         (1.0 + std::exp((score_of(choice, base, form) - score_of(choice, model, form)) / by.temperature));
 }
 
 bool below_form(const Choice& choice, const GapModel& model, std::size_t which) {
@@ -138,8 +139,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     std::map<std::string, Candidate> all =
         candidates(choice, choice.search.evaluate(without(model.effects, k), model.kappa), form, floor,
                    k == order.front(), others);
-    const double own = model.score - model.fit.total +
-                       evidence_with_form(choice.rows, model.fit, form.size, form.innovation);
+    const double own = score_of(choice, model, form);
     all.erase(mine);
     // What is as good shares the probability; what is not is what it is measured against. As good is what
     // the evidence does not tell from it, and what leaves no more than its own form can be blamed for: of
@@ -148,6 +148,7 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
                  mine_cost = cost_of(choice, model),
                  size = energy(own_contribution(model, k), floor) + 1e-300;
     double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0, least_behind = 0.0;
+    const GapModel* rival = nullptr;
     for (const auto& [name, c] : all) {
       double behind = (own - c.score) / by.temperature;
       bool as_good = false;
@@ -162,10 +163,17 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
         out.aliases[k].push_back(name);
         if (behind < least_behind) least_behind = behind, out.better = *c.model;
       } else if (c.score > best) {
-        best = c.score, left = c.left;
+        best = c.score, left = c.left, rival = c.model;
       }
     }
-    out.grounds[k][Ground::evidence] = std::asinh(own - best);
+    // What goes beside the effect, and does not take its place, says nothing against it.
+    double with = own;
+    if (rival != nullptr) {
+      std::vector<Adopted> both = rival->effects;
+      both.push_back(model.effects[k]);
+      with = std::max(with, score_of(choice, choice.search.evaluate(std::move(both), model.kappa), form));
+    }
+    out.grounds[k][Ground::evidence] = std::asinh(with - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));
     out.together[k] = by.probability(mine, out.grounds[k]);
     out.probability[k] = out.together[k] / alike;

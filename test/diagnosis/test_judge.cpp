@@ -126,17 +126,17 @@ TEST(Judge, WhatIsNotToldApartIsNamedTogether) {
   }
 }
 
-/// A vendor's model and one log of its arm: case `which` of `cases` of the bank of seed `seed`.
-std::pair<detail::Stage, std::vector<Log>> vendors_case(unsigned long seed, int cases, int which) {
+/// A model and the logs of its arm: case `which` of `cases` of the bank of seed `seed`.
+std::pair<detail::Stage, std::vector<Log>> case_of(BlindKind kind, unsigned long seed, int cases, int which) {
   BlindOptions blind;
   blind.seed = seed;
-  blind.kind = BlindKind::vendor;
+  blind.kind = kind;
   blind.family = true;
   blind.cases = cases;
   detail::Stage stage = detail::stage_of(Robot(), blind, which, 0);
   const detail::Draw drawn = detail::draw_case(stage, blind, which, 0);
   const std::string folder =
-      testing::TempDir() + "/dynid_vendor_" + std::to_string(seed) + "_" + std::to_string(which);
+      testing::TempDir() + "/dynid_judge_" + std::to_string(seed) + "_" + std::to_string(which);
   std::filesystem::create_directories(folder);
   detail::record(stage, detail::kind_of(blind, which), drawn, folder);
   std::vector<Log> logs;
@@ -149,7 +149,7 @@ std::pair<detail::Stage, std::vector<Log>> vendors_case(unsigned long seed, int 
 // one is named, as large as it is beside them, and that there is more is said without a name. (A vendor's
 // model of six joints, at 30 Hz, with a gain that other effects come near to.)
 TEST(Judge, WhatIsSureIsNamedBesideWhatIsNot) {
-  const auto [stage, logs] = vendors_case(16102, 100, 56);
+  const auto [stage, logs] = case_of(BlindKind::vendor, 16102, 100, 56);
   ASSERT_EQ(logs.size(), 1u);
   DiagnoseOptions options;
   options.criteria.least_probability = 0.8;  // the gain has less
@@ -175,7 +175,7 @@ TEST(Judge, WhatIsSureIsNamedBesideWhatIsNot) {
 // are off and work against them: they explain it together. (A vendor's model of one joint, its link 10 %
 // off.)
 TEST(Judge, WhatTheModelsErrorsWorkAgainstIsNamed) {
-  const auto [stage, logs] = vendors_case(19102, 80, 13);
+  const auto [stage, logs] = case_of(BlindKind::vendor, 19102, 80, 13);
   ASSERT_EQ(logs.size(), 1u);
   const Diagnosis d = told(stage.nominal, logs, DiagnoseOptions());
   EXPECT_LT(d.shrink.fraction, 0.0);
@@ -192,6 +192,31 @@ TEST(Judge, WhatTheModelsErrorsWorkAgainstIsNamed) {
   DiagnoseOptions options;
   options.criteria.least_probability_within = 0.99;
   EXPECT_EQ(told(stage.nominal, logs, options).verdict, Verdict::unexplained);
+}
+
+// Next to nothing of the whole gap, but most of that of a joint which has nothing else: it is an answer
+// there.
+TEST(Judge, ASmallEffectOnAJointOfItsOwnIsNamed) {
+  const Robot robot = panda();
+  const std::vector<std::string> effects = {"coulomb_friction:joints=2,coefficient=40",
+                                            "torque_offset:joints=6,offset=0.08"};
+  const Diagnosis d = told(robot, {recorded(robot, effects, 41), recorded(robot, effects, 42)});
+  expect_consistent(robot, d);
+  ASSERT_EQ(d.effects.size(), 2u) << to_string(d.verdict);
+  EXPECT_EQ(d.effects[0].effect.name, "coulomb_friction");
+  EXPECT_EQ(d.effects[1].effect.name, "torque_offset");
+  EXPECT_LT(d.effects[1].share, 0.1 * DiagnoseOptions().criteria.least_share);
+}
+
+// What goes beside an effect, and does not take its place, says nothing against it. (A payload, a contact and
+// a delay that is too small to be named: it takes of a gap what is none of the contact's.)
+TEST(Judge, WhatGoesBesideAnEffectIsNotAgainstIt) {
+  const auto [stage, logs] = case_of(BlindKind::mixed, 20301, 100, 62);
+  ASSERT_EQ(logs.size(), 2u);
+  const Diagnosis d = told(stage.nominal, logs, DiagnoseOptions());
+  std::set<std::string> names;
+  for (const FoundEffect& f : d.effects) names.insert(f.effect.name);
+  EXPECT_EQ(names, (std::set<std::string>{"external_contact", "payload"}));
 }
 
 // A gap that may be noise has a cause only where that is as sure as one within the tolerance has to be.

@@ -60,6 +60,9 @@ struct BlindCase {
   std::vector<std::pair<std::string, double>> ranking;
   double shrink = 0.0;       ///< of the diagnosis, on the log that took no part
   double true_shrink = 0.0;  ///< the same with nothing but the true effects to choose from
+  /// Of the truth, what is named with nothing but the true effects to choose from. The rest does not show in
+  /// the logs: it is below their noise, or what an error of the nominal may be.
+  std::vector<std::string> attainable;
   double nominal_error = 0.0;
   double seconds = 0.0;
   std::string failure;  ///< what was thrown, if anything
@@ -101,6 +104,11 @@ struct BlindScore {
   int known_unexplained = 0;  ///< of `known`, called unexplained
   /// Of `known`, those within the tolerance, and of these, called no_gap or not_detected.
   int known_within = 0, known_within_clean = 0;
+  // The same of what is attainable: cases of `known` with such an effect, and of two where both are; and
+  // effects, of all of `known`.
+  int known_attainable = 0, first_right_attainable = 0;
+  int pairs_attainable = 0, both_found_attainable = 0;
+  int attainable = 0, attainable_named = 0;
   // Vendor's models: viscous, Coulomb and rotor inertia with 2 % of the gap; the further effect with 3 %.
   int vendor_main = 0, vendor_main_named = 0, vendor_further = 0, vendor_further_named = 0;
   double vendor_friction_error = 0.0;  ///< median relative error of the friction coefficients named

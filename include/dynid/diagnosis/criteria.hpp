@@ -41,7 +41,8 @@ struct Criteria {
   double at_rest = 3.0;
   /// A share below this, of the explained gap and of every joint's own, is none: what forms, filters and the
   /// errors of the nominal leave beside a large effect is as large, and a hundredth of the gap is no answer
-  /// to which knob to turn. Below a tenth of it, of the explained gap, it is none on any joint.
+  /// to which knob to turn. Below a tenth of it, of the explained gap, it has to be least_gain of a joint's
+  /// own: on a joint that has none of the large ones it is all there is to find.
   double least_share = 0.01;
 
   // ------------------------------------------------------------------------------------------ which effects
