@@ -86,7 +86,7 @@ void print(std::ostream& out, const BlindReport& report) {
       << " of these, called no gap " << s.known_within_clean << "\n  both of a pair: " << s.both_found
       << " of " << s.pairs;
   if (s.attainable > 0)
-    out << "\n  of what shows where nothing else is sought, named: " << s.attainable_named << " of "
+    out << "\n  named of what is where only the true effects are sought: " << s.attainable_named << " of "
         << s.attainable << ", first " << s.first_right_attainable << " of " << s.known_attainable
         << ", both of a pair " << s.both_found_attainable << " of " << s.pairs_attainable;
   out << "\n  unknown called unexplained: " << s.abstained << " of " << s.unknown

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
+#include <string>
 
 #include "dynid/base/statistics.hpp"
 #include "dynid/diagnosis/blind.hpp"
@@ -116,14 +118,12 @@ void score_vendor(const BlindCase& c, BlindScore& s, std::vector<double>& fricti
   }
 }
 
-}  // namespace
-
-namespace {
-
 void score_attainable(const BlindCase& c, bool first_right, BlindScore& s) {
+  // Once each: more than one link may be wrong.
+  const std::set<std::string> attainable(c.attainable.begin(), c.attainable.end());
   int named = 0;
-  for (const std::string& name : c.attainable) named += names(c, name) ? 1 : 0;
-  const int all = static_cast<int>(c.attainable.size());
+  for (const std::string& name : attainable) named += names(c, name) ? 1 : 0;
+  const int all = static_cast<int>(attainable.size());
   s.attainable += all;
   s.attainable_named += named;
   if (all == 0) return;

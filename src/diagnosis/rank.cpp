@@ -171,7 +171,8 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     if (rival != nullptr) {
       std::vector<Adopted> both = rival->effects;
       both.push_back(model.effects[k]);
-      with = std::max(with, score_of(choice, choice.search.evaluate(std::move(both), model.kappa), form));
+      const GapModel together = choice.search.evaluate(std::move(both), model.kappa);
+      if (choice.search.plausible(together)) with = std::max(with, score_of(choice, together, form));
     }
     out.grounds[k][Ground::evidence] = std::asinh(with - best);
     out.grounds[k][Ground::unlike] = std::log10(std::clamp((left - mine_left) / size, least_unlike, 1.0));

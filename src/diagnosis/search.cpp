@@ -178,9 +178,8 @@ std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_
 
 std::vector<GapModel> Search::best_first(std::vector<GapModel> models) const {
   // What a set makes of an effect that it already had may be no such effect any more.
-  models.erase(
-      std::remove_if(models.begin(), models.end(), [&](const GapModel& m) { return !by_.plausible(m); }),
-      models.end());
+  models.erase(std::remove_if(models.begin(), models.end(), [&](const GapModel& m) { return !plausible(m); }),
+               models.end());
   std::stable_sort(models.begin(), models.end(),
                    [](const GapModel& a, const GapModel& b) { return a.score > b.score; });
   return models;

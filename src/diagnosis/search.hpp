@@ -59,6 +59,8 @@ class Search {
   GapModel evaluate(std::vector<Adopted> effects, double kappa) const {
     return by_.evaluate(std::move(effects), kappa);
   }
+  /// Whether coefficients and shapes can be those of such effects, on these joints and logs.
+  bool plausible(const GapModel& model) const { return by_.plausible(model); }
   /// What an effect costs of the score, whatever its size.
   double cost(const Adopted& effect) const { return by_.cost(effect); }
   /// The best form of every effect on top of a model (which may be none()), best first: each refitted jointly

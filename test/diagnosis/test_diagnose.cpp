@@ -1168,6 +1168,42 @@ TEST(Blind, ASmallBankAddsUp) {
   EXPECT_EQ(s.false_alarms, 0);
 }
 
+// What is not named where only the true effects are sought is counted apart; two links that are wrong are one
+// effect.
+TEST(Blind, WhatCouldBeHadIsCountedOnceEach) {
+  const auto named = [](const char* name) {
+    FoundEffect e;
+    e.effect.name = name;
+    e.probability = 0.9;
+    return e;
+  };
+  const auto true_effects = [](std::initializer_list<const char*> names) {
+    std::vector<Effect> out;
+    for (const char* name : names) out.push_back({name, {1}, {}});
+    return out;
+  };
+  std::vector<BlindCase> cases(4);
+  cases[0].truth = true_effects({"payload", "coulomb_friction"});  // both could be had, and are
+  cases[0].attainable = {"payload", "coulomb_friction"};
+  cases[0].found = {named("coulomb_friction"), named("payload")};
+  cases[1].truth = cases[0].truth;  // both could be had, one is, and not first
+  cases[1].attainable = cases[0].attainable;
+  cases[1].found = {named("time_delay"), named("payload")};
+  cases[2].truth = true_effects({"link_inertial_error", "backlash"});  // one of two could be
+  cases[2].attainable = {"link_inertial_error", "link_inertial_error"};
+  cases[2].found = {named("link_inertial_error"), named("link_inertial_error")};
+  cases[3].truth = true_effects({"backlash"});  // nothing could be
+  const BlindScore s = score(cases);
+  EXPECT_EQ(s.known, 4);
+  EXPECT_EQ(s.known_attainable, 3);
+  EXPECT_EQ(s.first_right_attainable, 2);
+  EXPECT_EQ(s.attainable, 5);
+  EXPECT_EQ(s.attainable_named, 4);
+  EXPECT_EQ(s.pairs, 3);
+  EXPECT_EQ(s.pairs_attainable, 2);
+  EXPECT_EQ(s.both_found_attainable, 1);
+}
+
 // All is drawn but the arm.
 TEST(Blind, MotionsOfAGivenArm) {
   BlindOptions options;

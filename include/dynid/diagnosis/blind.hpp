@@ -60,8 +60,9 @@ struct BlindCase {
   std::vector<std::pair<std::string, double>> ranking;
   double shrink = 0.0;       ///< of the diagnosis, on the log that took no part
   double true_shrink = 0.0;  ///< the same with nothing but the true effects to choose from
-  /// Of the truth, what is named with nothing but the true effects to choose from. The rest does not show in
-  /// the logs: it is below their noise, or what an error of the nominal may be.
+  /// Of the truth, what is named with nothing but the true effects to choose from. The rest is missed for
+  /// other reasons than that another effect took its place: it is below the noise, what an error of the
+  /// nominal may be, or not sure enough.
   std::vector<std::string> attainable;
   double nominal_error = 0.0;
   double seconds = 0.0;
@@ -104,7 +105,7 @@ struct BlindScore {
   int known_unexplained = 0;  ///< of `known`, called unexplained
   /// Of `known`, those within the tolerance, and of these, called no_gap or not_detected.
   int known_within = 0, known_within_clean = 0;
-  // The same of what is attainable: cases of `known` with such an effect, and of two where both are; and
+  // Of what is attainable (BlindCase): cases of `known` with such an effect, and of two where both are; and
   // effects, of all of `known`.
   int known_attainable = 0, first_right_attainable = 0;
   int pairs_attainable = 0, both_found_attainable = 0;
