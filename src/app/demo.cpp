@@ -73,6 +73,7 @@ DemoReport run(const DemoJob& job, const Context& context) {
   const Context search = context.part(0.05, 0.1);
   detail::JobProgress progress(search, 0.6);
   IdentifyOptions options;
+  options.friction = FrictionLaw::sigmoid;  // eq. (25), as in the letter
   options.progress = std::ref(progress);
   report.identification = identify(blind, {report.log}, {}, options);
   context.report("predicting", 0.1);

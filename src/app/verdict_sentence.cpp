@@ -25,6 +25,22 @@ bool says(const Diagnosis& d, const char* criterion) {
                      [&](const Judgement& j) { return j.criterion == criterion; });
 }
 
+/// One effect: its name, where it is, and what these logs cannot tell from it.
+std::string in_words(const FoundEffect& e, Eigen::Index joints) {
+  const std::string where = detail::joints_in_words(e.effect.joints, joints);
+  std::string cause = with_spaces(e.effect.name);
+  const auto mass = std::find_if(e.parameters.begin(), e.parameters.end(),
+                                 [](const ParameterEstimate& p) { return p.key == "mass"; });
+  if (e.effect.name == "payload" && mass != e.parameters.end())
+    cause = "a payload of " + detail::page_number(mass->value[0]) + " kg";
+  else if (!where.empty())
+    cause += " on " + where;
+  if (e.aliases.empty()) return cause;
+  std::vector<std::string> others;
+  for (const std::string& a : e.aliases) others.push_back(with_spaces(a));
+  return cause + " (or " + list_in_words(others) + ", which these logs cannot tell from it)";
+}
+
 /// What is said of the part of the gap that the named effects leave.
 std::string rest(const Diagnosis& d) {
   if (!says(d, "set_explains")) return "the rest is none of the known effects.";
@@ -39,23 +55,15 @@ std::string rest(const Diagnosis& d) {
 }  // namespace
 
 std::string verdict_sentence(const Diagnosis& d) {
-  std::vector<std::string> causes;
-  for (const FoundEffect& e : d.effects) {
-    const std::string where = detail::joints_in_words(e.effect.joints, d.rms.size());
-    std::string cause = with_spaces(e.effect.name);
-    const auto mass = std::find_if(e.parameters.begin(), e.parameters.end(),
-                                   [](const ParameterEstimate& p) { return p.key == "mass"; });
-    if (e.effect.name == "payload" && mass != e.parameters.end())
-      cause = "a payload of " + detail::page_number(mass->value[0]) + " kg";
-    else if (!where.empty())
-      cause += " on " + where;
-    if (!e.aliases.empty()) {
-      std::vector<std::string> others;
-      for (const std::string& a : e.aliases) others.push_back(with_spaces(a));
-      cause += " (or " + list_in_words(others) + ", which these logs cannot tell from it)";
-    }
-    causes.push_back(cause);
-  }
+  // An effect that is next to nothing of all of the gap is no cause of it, though it is one of a joint's own.
+  std::vector<std::string> causes, small;
+  for (const FoundEffect& e : d.effects)
+    (e.share < Criteria{}.least_share ? small : causes).push_back(in_words(e, d.rms.size()));
+  if (causes.empty()) causes.swap(small);
+  const std::string beside = small.empty()
+                                 ? ""
+                                 : "; " + list_in_words(small) + (small.size() > 1 ? " are" : " is") +
+                                       " less than a hundredth of it, but much of one joint's own";
   const std::string shrink = detail::page_percent(std::max(0.0, d.shrink.fraction));
   const bool several = causes.size() > 1;
   switch (d.verdict) {
@@ -69,7 +77,7 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::explained:
       return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") + " the gap: with " +
              (several ? "them" : "it") + " in the model, " + shrink +
-             " of it goes away on data that took no part.";
+             " of it goes away on data that took no part" + beside + ".";
     case Verdict::partly_explained:
       if (says(d, "nominal_opposes"))
         return capitalised(list_in_words(causes)) + (several ? " are" : " is") +
@@ -77,7 +85,8 @@ std::string verdict_sentence(const Diagnosis& d) {
                " alone: the model's own parameters are off, about " + detail::page_percent(d.nominal_error) +
                ", and work against " + (several ? "them" : "it") + "; identify them.";
       return capitalised(list_in_words(causes)) + (several ? " explain" : " explains") +
-             " part of the gap: " + shrink + " of it goes away on data that took no part; " + rest(d);
+             " part of the gap: " + shrink + " of it goes away on data that took no part" + beside + "; " +
+             rest(d);
     case Verdict::unexplained:
       return "There is a gap, and none of the known effects explains it" + nearest(d);
     case Verdict::misread: {

@@ -117,6 +117,23 @@ TEST(Report, TheSentenceSaysWhatIsNotSure) {
       << verdict_sentence(d);
 }
 
+// What is next to nothing of all of the gap is no cause of it.
+TEST(Report, TheSentenceSaysWhatIsSmallAsSuch) {
+  Diagnosis d = example(Verdict::explained);
+  const std::string one = verdict_sentence(d);
+  d.effects.push_back(d.effects.front());
+  d.effects.back().effect.name = "torque_gain";
+  d.effects.back().effect.joints = {2};
+  d.effects.back().aliases.clear();
+  d.effects.back().share = 0.002;
+  EXPECT_EQ(verdict_sentence(d),
+            one.substr(0, one.size() - 1) +
+                "; torque gain on joint 2 is less than a hundredth of it, but much of one "
+                "joint's own.");
+  d.effects.back().share = 0.02;
+  EXPECT_EQ(verdict_sentence(d).find("hundredth"), std::string::npos) << verdict_sentence(d);
+}
+
 // Where the gap does not shrink, it is not said to, and why not is.
 TEST(Report, TheSentenceSaysWhatTheModelsErrorsHide) {
   Diagnosis d = example(Verdict::partly_explained);
