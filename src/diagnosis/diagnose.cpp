@@ -85,6 +85,27 @@ void judge_reading(const ConventionReport& report, Diagnosis& out) {
   out.next.text = "Read the log as it is meant: --assume " + report.assume + " (or --assume auto).";
 }
 
+/// Fitted over all rows, an effect may be what none can be on a joint where it is next to nothing: it is left
+/// out there, unless it is nowhere anything else.
+void leave_out_impossible(const Choice& choice, const GapRows& rows, GapModel& model) {
+  bool changed = false;
+  Eigen::Index at = 0;
+  for (Adopted& e : model.effects) {
+    std::vector<UnitShape> possible;
+    for (const UnitShape& u : e.units) {
+      const Eigen::Index p = e.h->shape_only() ? 0 : u.block->size();
+      const Eigen::VectorXd c =
+          p > 0 ? Eigen::VectorXd(model.fit.theta.segment(at, p)) : Eigen::VectorXd::Ones(1);
+      if (choice.search.plausible(*e.h, u.unit, c, u.shape)) possible.push_back(u);
+      at += p;
+    }
+    if (possible.empty() || possible.size() == e.units.size()) continue;
+    e.units = std::move(possible);
+    changed = true;
+  }
+  if (changed) model.fit = fit_of(rows, model.effects, model.kappa);
+}
+
 /// The effects that are named, with their intervals, over all rows that show them.
 std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, const Choice& choice,
                                const Judged& judged, const DiagnoseOptions& options) {
@@ -95,6 +116,7 @@ std::vector<FoundEffect> named(const Robot& nominal, const GapRows& everything, 
   model.effects.insert(model.effects.end(), judged.beside.begin(), judged.beside.end());
   model.effects = carried(whole, model.effects);
   model.fit = fit_of(whole, model.effects, model.kappa);
+  leave_out_impossible(choice, whole, model);
   std::vector<FoundEffect> out;
   for (const std::size_t k : by_share(judged.shares)) {
     out.push_back(found_effect(nominal, whole, model, k, options.seed + static_cast<unsigned>(k),

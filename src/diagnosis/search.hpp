@@ -61,6 +61,11 @@ class Search {
   }
   /// Whether coefficients and shapes can be those of such effects, on these joints and logs.
   bool plausible(const GapModel& model) const { return by_.plausible(model); }
+  /// And of one unit of one effect.
+  bool plausible(const Hypothesis& h, int unit, const Eigen::VectorXd& c,
+                 const Eigen::VectorXd& shape) const {
+    return by_.plausible(h, unit, c, shape);
+  }
   /// What an effect costs of the score, whatever its size.
   double cost(const Adopted& effect) const { return by_.cost(effect); }
   /// The best form of every effect on top of a model (which may be none()), best first: each refitted jointly

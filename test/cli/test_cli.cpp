@@ -413,6 +413,17 @@ TEST_F(CommandLine, RetrieveStaysCloseToAPriorAndReportsThePrice) {
   EXPECT_EQ(run(command + path("x.yaml") + " --prior /no/such.urdf"), 2);
 }
 
+// Fitted over all rows, a spring of another joint would push, and rest where that joint never comes.
+TEST_F(CommandLine, DemoNamesNoJointWhereTheEffectIsImpossible) {
+  ASSERT_EQ(run("demo --robot " + panda() + " --bounds " + std::string(DYNID_SOURCE_DIR) +
+                "/config/panda_bounds.yaml --seed 2 --out " + path("demo2") + " --json " + path("d2.json")),
+            0)
+      << error_;
+  const auto json = nlohmann::json::parse(read_file(path("d2.json")));
+  ASSERT_EQ(json["diagnosis"]["effects"].size(), 1u);
+  EXPECT_EQ(json["diagnosis"]["effects"][0]["joints"], nlohmann::json::array({2}));
+}
+
 TEST_F(CommandLine, DemoTellsTheWholeStory) {
   const std::string bounds = std::string(DYNID_SOURCE_DIR) + "/config/panda_bounds.yaml";
   ASSERT_EQ(run("demo --robot " + panda() + " --bounds " + bounds + " --out " + path("demo") + " --json " +
