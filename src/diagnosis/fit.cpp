@@ -10,7 +10,6 @@
 namespace dynid::detail {
 namespace {
 
-constexpr int order = 4;       // of the autoregression
 constexpr int iterations = 3;  // of noise and coefficients
 // An autoregression can take any smooth gap for noise of its own colour. What speaks against it is its size:
 // half the evidence is the likelihood of innovations, half that of the residual itself, with room for
@@ -21,18 +20,18 @@ constexpr double latest = 2.0;
 
 /// Yule-Walker: biased autocovariances over the parts, hence always stable.
 ChannelNoise estimate(const GapRows& rows, int joint, const Eigen::VectorXd& e) {
-  Eigen::VectorXd r = Eigen::VectorXd::Zero(order + 1);
+  Eigen::VectorXd r = Eigen::VectorXd::Zero(noise_order + 1);
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
     const Eigen::Index size = rows.parts[p + 1] - rows.parts[p];
     const auto x = e.segment(rows.parts[p], size);
-    for (int k = 0; k <= order && k < size; ++k) r[k] += x.head(size - k).dot(x.tail(size - k));
+    for (int k = 0; k <= noise_order && k < size; ++k) r[k] += x.head(size - k).dot(x.tail(size - k));
   }
   ChannelNoise noise;
-  Eigen::MatrixXd R(order, order);
-  for (int i = 0; i < order; ++i)
-    for (int k = 0; k < order; ++k) R(i, k) = r[std::abs(i - k)];
+  Eigen::MatrixXd R(noise_order, noise_order);
+  for (int i = 0; i < noise_order; ++i)
+    for (int k = 0; k < noise_order; ++k) R(i, k) = r[std::abs(i - k)];
   R.diagonal().array() += 1e-9 * r[0] + 1e-30;
-  noise.ar = R.ldlt().solve(r.tail(order));
+  noise.ar = R.ldlt().solve(r.tail(noise_order));
   noise.variance = 1.0;
   const Eigen::MatrixXd w = whitened(rows, e, noise);
   noise.variance = w.squaredNorm() / double(w.rows()) * (double(rows.size()) / rows.active[joint]) + 1e-18;
@@ -293,6 +292,23 @@ Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const Ch
   return w;
 }
 
+Eigen::MatrixXd whitened_back(const GapRows& rows, const Eigen::MatrixXd& w, const ChannelNoise& noise) {
+  const Eigen::Index lags = noise.ar.size();
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(rows.size(), w.cols());
+  Eigen::Index at = 0;
+  for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
+    const Eigen::Index first = rows.parts[p] + lags, count = rows.parts[p + 1] - first;
+    if (count <= 0) continue;
+    const auto part = w.middleRows(at, count);
+    x.middleRows(first, count) += part;
+    for (Eigen::Index k = 0; k < lags && !noise.ar.isZero(0.0); ++k)
+      x.middleRows(first - k - 1, count) -= noise.ar[k] * part;
+    at += count;
+  }
+  x /= std::sqrt(noise.variance);
+  return x;
+}
+
 Whitener whitener(const GapRows& rows, int joint, const ChannelNoise& noise, double kappa) {
   Whitener out;
   out.noise = noise;
@@ -319,7 +335,7 @@ double evidence_with_form(const GapRows& rows, const Fit& fit, const Eigen::Vect
 }
 
 ChannelNoise white(const Eigen::VectorXd& y) {
-  return {Eigen::VectorXd::Zero(order), y.squaredNorm() / double(y.size()) + 1e-18};
+  return {Eigen::VectorXd::Zero(noise_order), y.squaredNorm() / double(y.size()) + 1e-18};
 }
 
 SeenChannel seen(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::MatrixXd& columns, Whitener by) {
@@ -336,12 +352,47 @@ SeenChannel seen(const GapRows& rows, const Eigen::VectorXd& y, const Eigen::Mat
 
 SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
                const std::vector<std::vector<Whitener>>& by) {
-  SeenTerms out{assemble(rows, rows.y, terms), {}};
+  SeenTerms out{assemble(rows, rows.y, terms), {}, {}};
+  const Eigen::Index size = out.terms.size;
   for (const std::vector<Whitener>& noise : by) {
     out.by.emplace_back();
-    for (std::size_t j = 0; j < noise.size(); ++j)
+    out.gram.emplace_back(Eigen::MatrixXd::Zero(size, size + 1));
+    for (std::size_t j = 0; j < noise.size(); ++j) {
       out.by.back().push_back(
           seen(rows, out.terms.y.col(static_cast<Eigen::Index>(j)), out.terms.columns[j], noise[j]));
+      const std::vector<Eigen::Index>& where = out.terms.where[j];
+      const Eigen::MatrixXd& gram = out.by.back().back().gram;
+      const auto p = static_cast<Eigen::Index>(where.size());
+      out.gram.back()(where, where) += gram.topLeftCorner(p, p);
+      out.gram.back()(where, size) += gram.topRightCorner(p, 1);
+    }
+  }
+  return out;
+}
+
+std::vector<Eigen::MatrixXd> normal_equations_beside(const GapRows& rows, const SeenTerms& base,
+                                                     const RowBlock& more) {
+  const Eigen::Index size = base.terms.size, p = more.size();
+  std::vector<Eigen::MatrixXd> out;
+  for (std::size_t k = 0; k < base.by.size(); ++k) {
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(p, p + 1), cross = Eigen::MatrixXd::Zero(size, p);
+    for (std::size_t c = 0; c < more.channels.size(); ++c) {
+      const auto j = static_cast<std::size_t>(more.channels[c]);
+      const Normal normal = normal_equations(rows, base.by[k][j], more.values[c], {});
+      const auto b = static_cast<Eigen::Index>(base.terms.where[j].size());
+      own.leftCols(p) += normal.G.bottomRightCorner(p, p);
+      own.col(p) += normal.h.tail(p);
+      cross(base.terms.where[j], Eigen::all) += normal.G.topRightCorner(b, p);
+    }
+    if (size > 0) {
+      const Eigen::VectorXd scale = (base.gram[k].diagonal().array() + 1e-300).sqrt().inverse();
+      Eigen::MatrixXd G = scale.asDiagonal() * base.gram[k].leftCols(size) * scale.asDiagonal();
+      G.diagonal().array() += 1e-10;
+      const Eigen::MatrixXd scaled = scale.asDiagonal() * cross, by_base = G.ldlt().solve(scaled);
+      own.leftCols(p).noalias() -= scaled.transpose() * by_base;
+      own.col(p).noalias() -= by_base.transpose() * (scale.asDiagonal() * base.gram[k].col(size));
+    }
+    out.push_back(std::move(own));
   }
   return out;
 }

@@ -10,6 +10,8 @@
 
 namespace dynid::detail {
 
+constexpr Eigen::Index noise_order = 4;  ///< of every autoregression here
+
 /// Noise of one joint's torque in the band: an autoregression and the variance of its innovations.
 struct ChannelNoise {
   Eigen::VectorXd ar;     ///< e_t = sum_k ar_k e_{t-k-1} + innovation
@@ -104,6 +106,7 @@ struct Assembled {
 struct SeenTerms {
   Assembled terms;
   std::vector<std::vector<SeenChannel>> by;  ///< of each noise, of each joint
+  std::vector<Eigen::MatrixXd> gram;         ///< of each noise: the terms' normal equations [G | h]
 };
 /// `by`: of each noise one a joint.
 SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
@@ -111,6 +114,11 @@ SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
 /// These terms and some more, by the better of the noises, each taken once. The coefficients of `more` come
 /// last.
 Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term>& more, double kappa);
+
+/// The normal equations [G | h] (p x (p + 1)) of one more block's coefficients, by each of the noises, with
+/// those of the base's terms profiled out.
+std::vector<Eigen::MatrixXd> normal_equations_beside(const GapRows& rows, const SeenTerms& base,
+                                                     const RowBlock& more);
 
 /// Information (inverse covariance, where there is one) of the coefficients of those terms that are not
 /// fixed, beside the nominal model's errors, in the noise that a fit has left (of each joint).
@@ -130,5 +138,7 @@ Eigen::VectorXd answer_to(const GapRows& rows, const std::vector<Term>& terms, c
 /// `x` (rows x columns) whitened by the noise, in units of its standard deviation; the first rows of every
 /// part, which have no past, are left out.
 Eigen::MatrixXd whitened(const GapRows& rows, const Eigen::MatrixXd& x, const ChannelNoise& noise);
+/// The adjoint of whitened(): w^T whitened(x) is whitened_back(w)^T x.
+Eigen::MatrixXd whitened_back(const GapRows& rows, const Eigen::MatrixXd& w, const ChannelNoise& noise);
 
 }  // namespace dynid::detail

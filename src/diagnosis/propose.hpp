@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "evaluator.hpp"
+#include "screen.hpp"
 
 namespace dynid::detail {
 
@@ -15,10 +16,23 @@ struct GridPoint {
   Eigen::VectorXd shape;
   std::shared_ptr<const RowBlock> block;
 };
-using Grid = std::vector<std::vector<GridPoint>>;  ///< unit, point
+/// Of one unit.
+struct UnitGrid {
+  std::vector<GridPoint> points;
+  std::shared_ptr<const Screen> screen;  ///< of the points; null where they are few, or fixed
+};
+using Grid = std::vector<UnitGrid>;
+/// With what screens it, where that is worth while.
+UnitGrid unit_grid(const GapRows& rows, const Hypothesis& h, int unit, std::vector<GridPoint> points);
+
+constexpr std::size_t nearest_points = 3;  ///< of a grid: as many are fitted
 
 /// Shapes of the grid of one unit of an effect.
 std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& h, int unit);
+
+/// Of a grid the points that come nearest to being the best beside `base`, quickly told; units that do not
+/// come near have none.
+Grid nearest(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base);
 
 /// The best form of one effect beside those of `base`: no units where there is none. The strategy follows
 /// from the effect's scope: in each joint's own torque, in the torques of several joints, in a window of
@@ -33,14 +47,20 @@ Adopted propose_coupled(const Evaluator& by, const Hypothesis& h, const Grid& gr
 Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base,
                        double worth);
 
+/// Whether the base has the effect on this unit.
+bool has(const Base& base, const Hypothesis& h, int unit);
+
 /// Log evidence that a block adds.
 using Gain = std::function<double(const RowBlock&)>;
 /// The best point of the grid by `gain`, refined where it gains `worth`.
 UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const std::vector<GridPoint>& points,
                      const Gain& gain, double worth = -std::numeric_limits<double>::infinity());
+/// The points that gain most by quick_gain(); all, of a few.
+std::vector<GridPoint> nearest_of(const Evaluator& by, const Hypothesis& h, int joint, const UnitGrid& grid,
+                                  const Channel& channel);
 /// The same by what a joint does to its own torque, beside what its channel has.
-UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint,
-                         const std::vector<GridPoint>& points, const Channel& channel, double kappa,
+UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint, const UnitGrid& grid,
+                         const Channel& channel, double kappa,
                          double worth = -std::numeric_limits<double>::infinity());
 /// Shape parameter `s` of a unit between low and high by golden section, kept where it gains more than
 /// `best`: returns the gain.

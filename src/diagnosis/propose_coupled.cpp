@@ -21,21 +21,20 @@ Units best_units(const Evaluator& by, const Hypothesis& h, const Grid& grid, con
   const auto gain = [&](const RowBlock& block) { return by.coupled_gain(h, block, base); };
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
     const int unit = static_cast<int>(u);
+    out.gains[u] = -std::numeric_limits<double>::infinity();
+    if (grid[u].points.empty()) return;
     // What a joint does to itself chooses the shape: what it does to the others costs much to compute and
     // adds little.
-    const double worth =
-        refine ? by.criteria.worth_refining * by.price(h, {unit, grid[u][0].shape, grid[u][0].block})
-               : std::numeric_limits<double>::infinity();
-    out.best[u] = h.scope() == Scope::joint && grid[u].size() > 1
+    const double worth = refine ? by.criteria.worth_refining *
+                                      by.price(h, {unit, grid[u].points[0].shape, grid[u].points[0].block})
+                                : std::numeric_limits<double>::infinity();
+    out.best[u] = h.scope() == Scope::joint && grid[u].points.size() > 1
                       ? best_own_shape(by, h, unit, grid[u], base.channels[u], base.model.kappa, worth)
-                      : best_shape(by, h, unit, grid[u], gain, worth);
-    const bool there =
-        std::any_of(base.model.effects.begin(), base.model.effects.end(),
-                    [&](const Adopted& e) { return e.h == &h && e.units.front().unit == unit; });
+                      : best_shape(by, h, unit, grid[u].points, gain, worth);
     const bool possible =
-        !there && (!h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape));
-    out.gains[u] = possible ? gain(*out.best[u].block) - by.price(h, out.best[u])
-                            : -std::numeric_limits<double>::infinity();
+        !has(base, h, unit) &&
+        (!h.shape_only() || by.plausible(h, unit, Eigen::VectorXd::Ones(1), out.best[u].shape));
+    if (possible) out.gains[u] = gain(*out.best[u].block) - by.price(h, out.best[u]);
   });
   return out;
 }

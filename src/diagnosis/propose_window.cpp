@@ -268,9 +268,9 @@ Adopted propose_window(const Evaluator& by, const Hypothesis& h, const Grid& gri
   const Eigen::Index longest = by.rows.size() * 2 / 5;  // what lasts longer is no window
   std::vector<Scanned> by_link(grid.size());
   tbb::parallel_for(std::size_t{0}, grid.size(), [&](std::size_t u) {
-    const RowBlock block = spanned(grid[u]);
+    const RowBlock block = spanned(grid[u].points);
     by_link[u] = scan(by.rows, prefix_sums(block, base.model), most_gained(block, base.model),
-                      grid[u][0].block->size(), longest, worth);
+                      grid[u].points[0].block->size(), longest, worth);
     by_link[u].link = static_cast<int>(u);
   });
   Scanned found;

@@ -94,10 +94,11 @@ std::vector<UnitShape> Search::forms_on(const GapModel& model, const std::vector
     if (found[i]) continue;
     const Hypothesis& h = *model.effects[own[i]].h;
     const auto which = std::find(library_.begin(), library_.end(), &h) - library_.begin();
-    const auto& points = grids_[static_cast<std::size_t>(which)][static_cast<std::size_t>(joint)];
-    const double worth = by_.criteria.worth_refining *
-                         (by_.price(h, {joint, points[0].shape, points[0].block}) + by_.criteria.joint_gain);
-    forms[i] = best_own_shape(by_, h, joint, points, alone, model.kappa, worth);
+    const UnitGrid& grid = grids_[static_cast<std::size_t>(which)][static_cast<std::size_t>(joint)];
+    const double worth =
+        by_.criteria.worth_refining *
+        (by_.price(h, {joint, grid.points[0].shape, grid.points[0].block}) + by_.criteria.joint_gain);
+    forms[i] = best_own_shape(by_, h, joint, grid, alone, model.kappa, worth);
   }
   return forms;
 }
@@ -113,7 +114,7 @@ GapModel Search::simplified(GapModel model) const {
       const bool there = std::any_of(model.effects.begin(), model.effects.end(),
                                      [&](const Adopted& e) { return e.h->name() == simple.name(); });
       if (there || simple.scope() != Scope::joint || simple.shape_only() || grids_[l].empty()) continue;
-      if (const RowBlock& first = *grids_[l][0][0].block;
+      if (const RowBlock& first = *grids_[l][0].points[0].block;
           first.size() >= block.size() || !own_channel(simple, first))
         continue;
       std::vector<Adopted> effects = model.effects;

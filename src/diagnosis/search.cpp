@@ -57,16 +57,21 @@ Search::Search(const GapRows& rows, std::vector<const Hypothesis*> library, cons
     grids_[k].resize(static_cast<std::size_t>(h.units(rows.motions().front().robot())));
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
       for (const Eigen::VectorXd& p : grid_points(by_.rows, h, static_cast<int>(u))) {
-        jobs.push_back({k, static_cast<int>(u), grids_[k][u].size()});
-        grids_[k][u].push_back({p, nullptr});
+        jobs.push_back({k, static_cast<int>(u), grids_[k][u].points.size()});
+        grids_[k][u].points.push_back({p, nullptr});
       }
     }
   }
   for (const GapMotion& motion : rows.motions()) motion.keep_shared();
   tbb::parallel_for(std::size_t{0}, jobs.size(), [&](std::size_t k) {
-    GridPoint& point = grids_[jobs[k].h][static_cast<std::size_t>(jobs[k].unit)][jobs[k].point];
+    GridPoint& point = grids_[jobs[k].h][static_cast<std::size_t>(jobs[k].unit)].points[jobs[k].point];
     point.block = std::make_shared<RowBlock>(by_.rows.block(*library_[jobs[k].h], jobs[k].unit, point.shape));
   });
+  for (std::size_t k = 0; k < library_.size(); ++k)
+    tbb::parallel_for(std::size_t{0}, grids_[k].size(), [&](std::size_t u) {
+      UnitGrid& unit = grids_[k][u];
+      unit = unit_grid(by_.rows, *library_[k], static_cast<int>(u), std::move(unit.points));
+    });
 }
 
 Search::Search(const GapRows& rows, const Search& proposer)
@@ -75,8 +80,8 @@ Search::Search(const GapRows& rows, const Search& proposer)
 std::vector<const RowBlock*> Search::blocks() const {
   std::vector<const RowBlock*> all;
   for (const Grid& grid : grids_)
-    for (const auto& unit : grid)
-      for (const GridPoint& point : unit) all.push_back(point.block.get());
+    for (const UnitGrid& unit : grid)
+      for (const GridPoint& point : unit.points) all.push_back(point.block.get());
   return all;
 }
 
@@ -138,9 +143,15 @@ std::vector<GapModel> Search::alternatives_anew(const GapModel& base, std::size_
       continue;
     (library_[k]->scope() == Scope::window ? windows : others).push_back(k);
   }
+  std::vector<Grid> near_by(library_.size());
+  tbb::parallel_for(std::size_t{0}, others.size(), [&](std::size_t i) {
+    const std::size_t k = others[i];
+    near_by[k] = nearest(by_, *library_[k], grids_[k], beginning);
+  });
   const auto propose_all = [&](const std::vector<std::size_t>& which, bool refine, double least) {
     tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
-      proposed[which[i]] = propose(by_, *library_[which[i]], grids_[which[i]], beginning, refine, least);
+      const Grid& grid = near_by[which[i]].empty() ? grids_[which[i]] : near_by[which[i]];
+      proposed[which[i]] = propose(by_, *library_[which[i]], grid, beginning, refine, least);
     });
   };
   // What is far from what it has to bring is not looked at any closer.

@@ -73,26 +73,34 @@ UnitShape best_shape(const Evaluator& by, const Hypothesis& h, int unit, const s
   double best = -std::numeric_limits<double>::infinity();
   const GridPoint* point = &points.front();
   for (const GridPoint& p : points) {
-    const double here = points.size() > 1 ? gain(*p.block) : 0.0;
+    const double here = p.shape.size() > 0 ? gain(*p.block) : 0.0;
     if (here > best) best = here, point = &p;
   }
   const UnitShape unit_shape{unit, point->shape, point->block};
-  return points.size() > 1 && best < worth ? unit_shape : refined(by, h, unit_shape, gain);
+  return point->shape.size() > 0 && best < worth ? unit_shape : refined(by, h, unit_shape, gain);
 }
 
-UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint,
-                         const std::vector<GridPoint>& points, const Channel& channel, double kappa,
-                         double worth) {
-  constexpr std::size_t fitted = 3;  // of the grid
-  const auto own = [&](const RowBlock& block) { return by.own_gain(h, joint, block, channel, kappa); };
-  if (points.size() <= fitted) return best_shape(by, h, joint, points, own, worth);
+std::vector<GridPoint> nearest_of(const Evaluator& by, const Hypothesis& h, int joint, const UnitGrid& grid,
+                                  const Channel& channel) {
+  if (grid.points.size() <= nearest_points) return grid.points;
+  std::vector<double> gains;
+  if (grid.screen != nullptr)
+    gains = grid.screen->gains(by.rows, joint, channel.by);
+  else
+    for (const GridPoint& point : grid.points)
+      gains.push_back(quick_gain(by.rows, joint, {point.block.get(), &h}, channel.by));
   std::vector<std::pair<double, std::size_t>> quick;
-  for (std::size_t k = 0; k < points.size(); ++k)
-    quick.emplace_back(-quick_gain(by.rows, joint, {points[k].block.get(), &h}, channel.by), k);
-  std::partial_sort(quick.begin(), quick.begin() + fitted, quick.end());
+  for (std::size_t k = 0; k < gains.size(); ++k) quick.emplace_back(-gains[k], k);
+  std::partial_sort(quick.begin(), quick.begin() + nearest_points, quick.end());
   std::vector<GridPoint> best;
-  for (std::size_t k = 0; k < fitted; ++k) best.push_back(points[quick[k].second]);
-  return best_shape(by, h, joint, best, own, worth);
+  for (std::size_t k = 0; k < nearest_points; ++k) best.push_back(grid.points[quick[k].second]);
+  return best;
+}
+
+UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint, const UnitGrid& grid,
+                         const Channel& channel, double kappa, double worth) {
+  const auto own = [&](const RowBlock& block) { return by.own_gain(h, joint, block, channel, kappa); };
+  return best_shape(by, h, joint, nearest_of(by, h, joint, grid, channel), own, worth);
 }
 
 }  // namespace dynid::detail

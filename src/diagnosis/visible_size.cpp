@@ -12,13 +12,13 @@ std::vector<VisibleSize> Search::smallest_visible(const GapModel& none) const {
   for (std::size_t k = 0; k < library_.size(); ++k) {
     if (grids_[k].empty()) continue;
     const Hypothesis& h = *library_[k];
-    const RowBlock& first = *grids_[k][0][0].block;
+    const RowBlock& first = *grids_[k][0].points[0].block;
     if (h.shape_only() || h.once() || !own_channel(h, first) || first.size() != 1) continue;
     VisibleSize visible{h.name(), 0, 0.0};
     for (std::size_t u = 0; u < grids_[k].size(); ++u) {
       const Whitener& by = base.terms.by[1][u].by;
       double least = std::numeric_limits<double>::infinity();
-      for (const GridPoint& point : grids_[k][u]) {
+      for (const GridPoint& point : grids_[k][u].points) {
         // Evidence grows by half of (coefficient / deviation)^2.
         const Eigen::MatrixXd& column = point.block->values[0];
         const double need =
