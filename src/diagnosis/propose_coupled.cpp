@@ -58,11 +58,18 @@ void add_joints(const Evaluator& by, const Hypothesis& h, const Units& units, st
                 const Base& base, Adopted& effect) {
   std::vector<bool> used(units.best.size(), false);
   used[first] = true;
+  // What a joint gains alone is near to what it gains beside others: as with shapes, what is far from what it
+  // has to bring is not tried.
+  for (std::size_t u = 0; u < used.size(); ++u) {
+    const double price = std::isfinite(units.gains[u]) ? by.price(h, units.best[u]) : 0.0;
+    if (!(units.gains[u] + price >= by.criteria.worth_refining * (price + by.criteria.joint_gain)))
+      used[u] = true;
+  }
   while (effect.units.size() < units.best.size()) {
     double most = effect.gain + by.criteria.joint_gain;
     std::size_t next = units.best.size();
     for (std::size_t u = 0; u < units.best.size(); ++u) {
-      if (used[u] || !std::isfinite(units.gains[u])) continue;
+      if (used[u]) continue;
       std::vector<UnitShape> more = effect.units;
       more.push_back(units.best[u]);
       const Fit fit = fit_terms(by.rows, base.terms, terms_of(h, more), base.model.kappa);

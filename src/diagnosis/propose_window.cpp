@@ -188,11 +188,14 @@ class WindowFit {
     }
   }
 
-  /// Shape parameters from `first` on: a window's ends within `row` [s], the others in their ranges.
+  /// Shape parameters from `first` on: a window's ends within `row` [s], the others in their ranges; those
+  /// that are linear all at once.
   void improve_all(Eigen::Index first, double row) {
+    put_in_place();
     for (Eigen::Index s = first; s < best_.shape.size(); ++s) {
       const ShapeParameter& p = parameters_[static_cast<std::size_t>(s)];
       const bool edge = s < 2;
+      if (!edge && !p.logarithmic) continue;
       gain_ = improve(by_, h_, best_, s, edge ? best_.shape[s] - row : p.low,
                       edge ? best_.shape[s] + row : p.high, p.logarithmic, gain_,
                       [this](const RowBlock& block) { return value(block); });
@@ -213,6 +216,32 @@ class WindowFit {
  private:
   static constexpr double enough = 0.1;  // nats: no judgement hangs on less
   double value(const RowBlock& block) const { return by_.coupled_gain(h_, block, base_); }
+
+  /// The linear shape parameters in the window as it is, by the normal equations of all that they span.
+  void put_in_place() {
+    std::vector<GridPoint> points;
+    const auto add = [&](const Eigen::VectorXd& shape) {
+      const UnitShape unit = by_.made(h_, best_.unit, shape);
+      points.push_back({unit.shape, unit.block});
+    };
+    const Eigen::VectorXd nowhere = placed(
+        parameters_, best_.shape, Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters_.size())));
+    add(nowhere);
+    for (std::size_t s = 2; s < parameters_.size(); ++s) {
+      if (parameters_[s].logarithmic) continue;
+      Eigen::VectorXd shape = nowhere;
+      shape[static_cast<Eigen::Index>(s)] = parameters_[s].high;
+      add(shape);
+    }
+    if (points.size() < 2) return;
+    for (const Eigen::MatrixXd& normal : normal_equations_beside(by_.rows, base_.terms, spanned(points))) {
+      const UnitShape unit =
+          by_.made(h_, best_.unit,
+                   placed(parameters_, best_.shape, bilinear_gain(normal, points[0].block->size()).place));
+      const double here = value(*unit.block);
+      if (here > gain_) gain_ = here, best_ = unit;
+    }
+  }
 
   bool moved(Eigen::Index step) {
     const GapRows& rows = by_.rows;

@@ -196,14 +196,22 @@ std::vector<GapModel> Search::best_first(std::vector<GapModel> models) const {
   return models;
 }
 
+std::size_t Search::exchange(GapModel& model, std::size_t first, std::size_t last) const {
+  // Few are exchanged: all are asked at once, and what comes after the first exchange is asked again.
+  std::vector<std::vector<GapModel>> again(last);
+  tbb::parallel_for(first, last, [&](std::size_t k) { again[k] = instead(model, k); });
+  for (std::size_t k = first; k < last; ++k) {
+    if (again[k].empty() || !(again[k][0].score > model.score + least_exchange)) continue;
+    model = std::move(again[k][0]);
+    return k;
+  }
+  return last;
+}
+
 GapModel Search::exchanged(GapModel model) const {
   for (bool better = true; better;) {
-    better = false;
-    for (std::size_t k = 0; k < model.effects.size() && !better; ++k) {
-      const std::vector<GapModel> again = instead(model, k);
-      better = !again.empty() && again[0].score > model.score + least_exchange;
-      if (better) model = again[0];
-    }
+    const std::size_t count = model.effects.size();
+    better = exchange(model, 0, count) < count;
   }
   return model;
 }
@@ -248,10 +256,8 @@ GapModel Search::grown(GapModel model, int most, Trail* trail) const {
     if (!matters(model, next[0])) break;
     model = next[0];
     // Exchange: an earlier choice may have stood in for what is known only now.
-    for (std::size_t k = 0; k + 1 < model.effects.size(); ++k) {
-      const std::vector<GapModel> again = instead(model, k);
-      if (!again.empty() && again[0].score > model.score + least_exchange) model = again[0];
-    }
+    for (std::size_t k = 0; k + 1 < model.effects.size();)
+      k = exchange(model, k, model.effects.size() - 1) + 1;
     if (passed()) return model;
   }
   // Backward.
