@@ -42,7 +42,11 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
       for (int i = 0; i < 10; ++i) {
         const Eigen::Matrix4d& a = moved[static_cast<std::size_t>(i)];
         slope[i] -= a.trace();
-        for (int j = 0; j < 10; ++j) curvature(i, j) += (a * moved[static_cast<std::size_t>(j)]).trace();
+        for (int j = 0; j <= i; ++j) {  // the trace of their product
+          const double both = a.cwiseProduct(moved[static_cast<std::size_t>(j)].transpose()).sum();
+          curvature(i, j) += both;
+          if (j < i) curvature(j, i) += both;
+        }
       }
       const Vector step = -curvature.ldlt().solve(slope);
       const double decrement = -slope.dot(step);

@@ -138,7 +138,10 @@ void Choice::begin_with_errors(const DiagnoseOptions& options, Trail& trail) {
     if (std::none_of(model.effects.begin(), model.effects.end(), body)) return;
     const double kappa = off * options.tolerance;
     if (kappa <= model.kappa) continue;
-    GapModel other = search.grown(search.none(kappa), options.most_effects, &trail);
+    std::vector<Adopted> others;
+    for (const Adopted& e : model.effects)
+      if (!body(e)) others.push_back(e);
+    GapModel other = search.grown(search.evaluate(std::move(others), kappa), options.most_effects, &trail);
     if (other.score > model.score + by.off_gain) model = std::move(other);
   }
 }
