@@ -9,7 +9,7 @@
 namespace dynid::detail {
 namespace {
 
-constexpr double least_new = 1e-5;  // of a column's energy: less is lost in single precision
+constexpr double least_new = 1e-6;  // of a column's energy: less is lost in single precision
 
 /// sum over rows t that have a past of x_{t-a}^T x_{t-b}, for a <= b, one above the other.
 Eigen::MatrixXd lagged_products(const GapRows& rows, const Eigen::MatrixXd& x) {
