@@ -203,6 +203,30 @@ INSTANTIATE_TEST_SUITE_P(
                     Hidden{"torque_saturation", 3, "limit", 0.035}, Hidden{"backlash", 2, "gap", 0.04}),
     [](const testing::TestParamInfo<Hidden>& hidden) { return std::string(hidden.param.name); });
 
+// What a wide tolerance makes of it: by its size the gap may be the model's own, by its shape it is not.
+TEST(ServoDiagnosis, WithinTheToleranceNoNameIsSure) {
+  const Robot nominal = servo_arm();
+  for (const Hidden& hidden :
+       {Hidden{"command_delay", 1, "delay", 3.0}, Hidden{"backlash", 2, "gap", 0.04}}) {
+    Robot real = nominal;
+    hide(real, hidden);
+    const std::vector<Log> logs = two_logs(real);
+    for (const double tolerance : {0.02, 0.4}) {
+      DiagnoseServosOptions options = without_rollout();
+      options.tolerance = tolerance;
+      const Diagnosis d = diagnose_servos(nominal, logs, options);
+      const FoundEffect* found = find(d, hidden.name);
+      ASSERT_NE(found, nullptr) << hidden.name << " at " << tolerance;
+      if (tolerance < 0.1) {
+        EXPECT_GT(found->probability, 0.95) << hidden.name;
+      } else {
+        EXPECT_LE(found->probability, options.criteria.most_probable) << hidden.name;
+        EXPECT_GE(found->probability, 0.5) << hidden.name;
+      }
+    }
+  }
+}
+
 // A limit that one log reaches and the other does not: whichever is the last, it is found and borne out.
 TEST(ServoDiagnosis, AGapThatOneLogShowsIsFoundWhicheverIsTheLast) {
   const Robot nominal = servo_arm();
