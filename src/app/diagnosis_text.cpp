@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iomanip>
 #include <ostream>
 
@@ -10,15 +9,7 @@
 #include "dynid/base/text.hpp"
 
 namespace dynid {
-namespace {
-
-/// One unit for all joints, or each one's.
-std::string units(const std::vector<std::string>& unit) {
-  const bool same = std::adjacent_find(unit.begin(), unit.end(), std::not_equal_to<>()) == unit.end();
-  return same && !unit.empty() ? unit.front() : join(unit, " | ");
-}
-
-}  // namespace
+namespace {}  // namespace
 
 void print(std::ostream& out, const DiagnoseReport& report) {
   const Diagnosis& d = report.diagnosis;
@@ -35,7 +26,7 @@ void print(std::ostream& out, const DiagnoseReport& report) {
     out << "Next: " << d.next.text << "\n";
     return;
   }
-  out << "  gap [" << units(d.unit) << " rms]: " << in_a_row(d.rms)
+  out << "  gap [" << detail::units_in_words(d.unit) << " rms]: " << in_a_row(d.rms)
       << "\n  noise floor: " << in_a_row(d.floor) << "\n  at most (95 %): " << in_a_row(d.upper)
       << "\n  of no account:  " << in_a_row(d.tolerance)
       << "\n  chance that a robot which the model describes to within the tolerance shows such a gap: "

@@ -91,14 +91,15 @@ void print(std::ostream& out, const InfoReport& report) {
 
 void print(std::ostream& out, const IdentifyReport& report) {
   const Identification& id = report.identification;
+  const std::string unit = detail::torque_units(id.robot);
   out << "Identified " << id.rank << " coefficients of " << id.robot.name << " from " << id.fit.rows
       << " rows a joint, low-passed at " << id.cutoff << " Hz\n"
       << "  condition number " << id.condition_number << ", relative error " << id.fit.relative_error_percent
       << " %\n"
-      << "  rms [N m]            " << in_a_row(id.fit.rmse) << "\n";
+      << "  rms [" << unit << "]            " << in_a_row(id.fit.rmse) << "\n";
   if (id.validation)
-    out << "  rms held out [N m]   " << in_a_row(id.validation->rmse) << "  (" << id.validation->source
-        << ")\n";
+    out << "  rms held out [" << unit << "]   " << in_a_row(id.validation->rmse) << "  ("
+        << id.validation->source << ")\n";
   else
     out << "  " << id.validation_note << "\n";
   print_issues(out, id.logs, id.robot.size());
@@ -112,10 +113,11 @@ void print(std::ostream& out, const IdentifyReport& report) {
 }
 
 void print(std::ostream& out, const FrictionReport& report) {
+  const std::string unit = detail::torque_units(report.friction.robot);
   out << "Friction on top of " << report.source << " (Section IV-B), "
       << word_for(friction_laws(), report.law) << " law\n"
-      << "  rms before [N m]: " << in_a_row(report.friction.before.rmse) << "\n"
-      << "  rms after  [N m]: " << in_a_row(report.friction.after.rmse) << "\n";
+      << "  rms before [" << unit << "]: " << in_a_row(report.friction.before.rmse) << "\n"
+      << "  rms after  [" << unit << "]: " << in_a_row(report.friction.after.rmse) << "\n";
   print_conventions(out, report.conventions, report.conventions_applied);
 }
 
@@ -124,7 +126,8 @@ void print(std::ostream& out, const ReverseReport& report) {
   out << "Reverse engineered " << id.rank << " coefficients of " << id.robot.name << " (Section IV-A)\n"
       << "  condition number " << id.condition_number << ", relative error " << id.relative_error_percent
       << " % (held out " << id.validation_relative_error_percent << " %)\n"
-      << "  rms of gravity torques [N m]     " << in_a_row(id.rmse) << "\n"
+      << "  rms of gravity torques [" << detail::torque_units(id.robot) << "]     " << in_a_row(id.rmse)
+      << "\n"
       << "  rms of inertia rows [kg m^2]     " << in_a_row(id.rmse_inertia) << "\n";
   print(out, id.coefficients);
   print_consistency(out, report.source, report.physically_consistent);

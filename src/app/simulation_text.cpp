@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <ostream>
 
+#include "app/words.hpp"
 #include "dynid/app/text.hpp"
 #include "dynid/base/number.hpp"
 
@@ -18,11 +19,11 @@ std::string in_a_list(const std::vector<double>& values) {
 
 void print(std::ostream& out, const SimulateReport& report, const std::string& written_to) {
   out << report.run.log.samples() << " samples of " << report.robot << " along " << report.motion
-      << " written to " << written_to << "\n  largest tracking error [rad]  "
-      << in_a_row(report.tracking_error, 3) << "\n";
+      << " written to " << written_to << "\n  largest tracking error ["
+      << detail::position_units(report.run.truth) << "]  " << in_a_row(report.tracking_error, 3) << "\n";
   for (std::size_t k = 0; k < report.effect_rms.size(); ++k)
-    out << "  " << report.run.truth.effects[k].name << ", rms [N m]  " << in_a_row(report.effect_rms[k], 3)
-        << "\n";
+    out << "  " << report.run.truth.effects[k].name << ", rms [" << detail::torque_units(report.run.truth)
+        << "]  " << in_a_row(report.effect_rms[k], 3) << "\n";
   if (!report.payload.empty()) out << "  payload: " << report.payload << "\n";
 }
 

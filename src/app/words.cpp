@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "app/words.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <functional>
 
+#include "dynid/base/text.hpp"
+#include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/effect/derived.hpp"
 #include "dynid/model/link_inertia.hpp"
 
@@ -18,6 +22,23 @@ const char* word_for(Identifiable answer) {
   return answer == Identifiable::alone            ? "alone"
          : answer == Identifiable::in_combination ? "in combination"
                                                   : "no";
+}
+
+std::string units_in_words(const std::vector<std::string>& unit) {
+  const bool same = std::adjacent_find(unit.begin(), unit.end(), std::not_equal_to<>()) == unit.end();
+  return same && !unit.empty() ? unit.front() : join(unit, " | ");
+}
+
+std::string torque_units(const Robot& robot) {
+  std::vector<std::string> unit;
+  for (const Joint& joint : robot.joints) unit.push_back(joint_units(joint.type).torque);
+  return units_in_words(unit);
+}
+
+std::string position_units(const Robot& robot) {
+  std::vector<std::string> unit;
+  for (const Joint& joint : robot.joints) unit.push_back(joint_units(joint.type).position);
+  return units_in_words(unit);
 }
 
 std::string payload_place(const Robot& robot, const Effect& effect) {

@@ -34,6 +34,13 @@ struct Candidate {
   const GapModel* model = nullptr;  // among `others`; null: nothing there
 };
 
+/// Energy of each joint where a torque acts, in units of the floor; 0 elsewhere.
+Eigen::RowVectorXd energy_where(const Eigen::MatrixXd& torque, const Eigen::MatrixXd& x,
+                                const Eigen::VectorXd& floor) {
+  const Eigen::RowVectorXd all = rms(x).cwiseQuotient(floor).array().square().transpose();
+  return (torque.colwise().squaredNorm().array() > 0.0).select(all, 0.0);
+}
+
 /// The prices of its effects, and how common they are: not how large they were found, of which data that do
 /// not tell two effects apart say nothing.
 double cost_of(const Choice& choice, const GapModel& model) {
@@ -145,8 +152,10 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     // the evidence does not tell from it, and what leaves no more than its own form can be blamed for: of
     // that the price alone counts.
     const double indistinct = choice.criteria().indistinct, mine_left = energy(model.fit.residual, floor),
-                 mine_cost = cost_of(choice, model),
-                 size = energy(own_contribution(model, k), floor) + 1e-300;
+                 mine_cost = cost_of(choice, model);
+    const Eigen::MatrixXd torque = own_contribution(model, k);
+    const double size = energy(torque, floor) + 1e-300,
+                 mine_here = energy_where(torque, model.fit.residual, floor).sum();
     double best = -std::numeric_limits<double>::infinity(), left = best, alike = 1.0, least_behind = 0.0;
     const GapModel* rival = nullptr;
     for (const auto& [name, c] : all) {
@@ -154,7 +163,9 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
       bool as_good = false;
       if (c.model != nullptr) {
         const double part = form_of(choice.criteria(), *c.model->effects.back().h);
-        const bool by_form = c.left - mine_left < part * part * size;
+        // Where the effect acts: what another takes elsewhere does not make it as good here.
+        const double here = energy_where(torque, c.model->fit.residual, floor).sum();
+        const bool by_form = here - mine_here < part * part * size;
         if (by_form) behind = std::min(behind, std::max(0.0, (c.cost - mine_cost) / by.temperature));
         as_good = by_form || std::abs(behind) <= indistinct;
       }
