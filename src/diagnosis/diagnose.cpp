@@ -266,6 +266,7 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
     out.smallest_visible = choice->search.smallest_visible(none);
 
   choice->search.end();
+  if (over_all_rows != nullptr) over_all_rows->search.end();
 
   out.ranking = judged.ranked.ranking;
   out.shrink = judged.shrink;

@@ -16,7 +16,7 @@ Eigen::MatrixXd beside(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right
 
 std::shared_ptr<const RowBlock> BlockMemo::of(const GapRows& rows, const Hypothesis& h, int unit,
                                               const Eigen::VectorXd& shape) {
-  constexpr Eigen::Index most_numbers = 16'000'000;  // 128 MB
+  constexpr Eigen::Index most_numbers = 12'000'000;  // 96 MB
   // A window hardly ever ends where another one did, and its columns are many.
   if (h.scope() == Scope::window) return std::make_shared<const RowBlock>(rows.block(h, unit, shape));
   Key key(&h, unit, std::vector<double>(shape.data(), shape.data() + shape.size()));

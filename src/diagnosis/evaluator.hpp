@@ -60,6 +60,8 @@ class Evaluator {
   /// A set fitted.
   GapModel evaluate(std::vector<Adopted> effects, double kappa) const;
   UnitShape made(const Hypothesis& h, int unit, const Eigen::VectorXd& shape) const;
+  /// Lets go of the columns that were made.
+  void forget() { memo_ = std::make_unique<BlockMemo>(); }
   /// The same effects, shapes and joints over these rows, whichever they were found in.
   std::vector<Adopted> here(std::vector<Adopted> effects) const;
 

@@ -79,8 +79,9 @@ class Search {
   /// Columns of every point of every effect's grid.
   std::vector<const RowBlock*> blocks() const;
   std::vector<std::string> names() const;  ///< of the library's effects; repeated where one has several forms
-  /// Lets go of the grids, which are most of a diagnosis' memory: nothing is sought any more.
+  /// Lets go of the grids and columns, which are most of a diagnosis' memory: nothing is sought any more.
   void end() {
+    by_.forget();
     grids_ = std::vector<Grid>(library_.size());
     answers_ = std::make_unique<Answers>();
   }
