@@ -9,7 +9,6 @@
 #include "dynid/base/text.hpp"
 
 namespace dynid {
-namespace {}  // namespace
 
 void print(std::ostream& out, const DiagnoseReport& report) {
   const Diagnosis& d = report.diagnosis;

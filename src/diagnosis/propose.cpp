@@ -59,12 +59,13 @@ UnitGrid unit_grid(const GapRows& rows, const Hypothesis& h, int unit, std::vect
 }
 
 Grid nearest(const Evaluator& by, const Hypothesis& h, const Grid& grid, const Base& base) {
-  Grid out = grid;
   if (h.scope() == Scope::joint) {
+    Grid out(grid.size());
     for (std::size_t u = 0; u < grid.size(); ++u)
       out[u] = {nearest_of(by, h, static_cast<int>(u), grid[u], base.channels[u]), nullptr};
     return out;
   }
+  Grid out = grid;
   const bool shaped =
       std::any_of(grid.begin(), grid.end(), [](const UnitGrid& unit) { return unit.points.size() > 1; });
   if (shaped || h.shape_only() || grid.size() <= nearest_units * base.terms.by.size()) return out;

@@ -44,7 +44,8 @@ class Choice {
   /// be named an effect, nor an effect be taken for such an error.
   double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;
   /// A body that was found first, with a nominal that is right, takes the place of a nominal that is off for
-  /// good: where that was never identified, sought again with one that is off.
+  /// good: where that was never identified, sought again with one that is off, beginning with the effects
+  /// that are no body.
   void begin_with_errors(const DiagnoseOptions& options, Trail& trail);
   /// When something began, how fast, and when it ended is not predicted but seen: that of windows becomes
   /// what all rows fit best, since in a log alone it may lie in what is kept to judge.
