@@ -163,9 +163,11 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
       bool as_good = false;
       if (c.model != nullptr) {
         const double part = form_of(choice.criteria(), *c.model->effects.back().h);
-        // Where the effect acts: what another takes elsewhere does not make it as good here.
-        const double here = energy_where(torque, c.model->fit.residual, floor).sum();
-        const bool by_form = here - mine_here < part * part * size;
+        // Of all joints, and of those where the effect acts: what another takes elsewhere does not make it as
+        // good here.
+        const double here = energy_where(torque, c.model->fit.residual, floor).sum(),
+                     more = std::max(here - mine_here, c.left - mine_left);
+        const bool by_form = more < part * part * size;
         if (by_form) behind = std::min(behind, std::max(0.0, (c.cost - mine_cost) / by.temperature));
         as_good = by_form || std::abs(behind) <= indistinct;
       }
