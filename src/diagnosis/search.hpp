@@ -118,8 +118,8 @@ class Search {
   /// What may take the place of an effect of a model, best first.
   std::vector<GapModel> instead(const GapModel& model, std::size_t which) const;
 
-  /// Exchanges the first of the effects `first` to `last` (not included) for which there is a better one: which
-  /// one, or `last`.
+  /// Exchanges the first of the effects `first` to `last` (not included) for which there is a better one:
+  /// which one, or `last`.
   std::size_t exchange(GapModel& model, std::size_t first, std::size_t last) const;
 
   /// What alternatives() said last, by effects, units, shapes, kappa, refits and worth: an exchange asks
