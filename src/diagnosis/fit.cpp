@@ -15,6 +15,8 @@ constexpr int iterations = 3;  // of noise and coefficients
 // half the evidence is the likelihood of innovations, half that of the residual itself, with room for
 // coloured noise of this many times the white floor.
 constexpr double own_size = 0.5, room = 3.0;
+// Of a column's energy: what is left of it beside others and is less says nothing.
+constexpr double within_rounding = 1e-9;
 // Stamps later than this many times the usual are no longer a matter of the data: they are a gap.
 constexpr double latest = 2.0;
 
@@ -90,6 +92,8 @@ Normal normal_equations(const GapRows& rows, const SeenChannel& base, const Eige
   return out;
 }
 
+}  // namespace
+
 Eigen::VectorXd solve(Eigen::MatrixXd G, const Eigen::VectorXd& h, Eigen::MatrixXd* covariance) {
   if (h.size() == 0) return h;
   const Eigen::VectorXd scale = (G.diagonal().array() + 1e-300).sqrt().inverse();
@@ -101,6 +105,8 @@ Eigen::VectorXd solve(Eigen::MatrixXd G, const Eigen::VectorXd& h, Eigen::Matrix
         scale.asDiagonal() * ldlt.solve(Eigen::MatrixXd::Identity(G.rows(), G.cols())) * scale.asDiagonal();
   return scale.asDiagonal() * ldlt.solve(scale.asDiagonal() * h);
 }
+
+namespace {
 
 /// What theta leaves, what the nuisance takes of it, and the noise and evidence of the rest.
 void finish(const GapRows& rows, int joint, const Normal& normal, double log_det, const Eigen::VectorXd& left,
@@ -384,6 +390,7 @@ std::vector<Eigen::MatrixXd> normal_equations_beside(const GapRows& rows, const 
       own.col(p) += normal.h.tail(p);
       cross(base.terms.where[j], Eigen::all) += normal.G.topRightCorner(b, p);
     }
+    const Eigen::VectorXd energy = own.diagonal();
     if (size > 0) {
       const Eigen::VectorXd scale = (base.gram[k].diagonal().array() + 1e-300).sqrt().inverse();
       Eigen::MatrixXd G = scale.asDiagonal() * base.gram[k].leftCols(size) * scale.asDiagonal();
@@ -392,6 +399,7 @@ std::vector<Eigen::MatrixXd> normal_equations_beside(const GapRows& rows, const 
       own.leftCols(p).noalias() -= scaled.transpose() * by_base;
       own.col(p).noalias() -= by_base.transpose() * (scale.asDiagonal() * base.gram[k].col(size));
     }
+    own.diagonal() += within_rounding * energy;
     out.push_back(std::move(own));
   }
   return out;

@@ -115,8 +115,11 @@ SeenTerms seen(const GapRows& rows, const std::vector<Term>& terms,
 /// last.
 Fit fit_terms(const GapRows& rows, const SeenTerms& base, const std::vector<Term>& more, double kappa);
 
+/// G^-1 h of normal equations, scaled to a unit diagonal; `covariance`: G^-1, where it is not null.
+Eigen::VectorXd solve(Eigen::MatrixXd G, const Eigen::VectorXd& h, Eigen::MatrixXd* covariance);
+
 /// The normal equations [G | h] (p x (p + 1)) of one more block's coefficients, by each of the noises, with
-/// those of the base's terms profiled out.
+/// those of the base's terms profiled out. A column that the base's terms contain takes next to nothing.
 std::vector<Eigen::MatrixXd> normal_equations_beside(const GapRows& rows, const SeenTerms& base,
                                                      const RowBlock& more);
 

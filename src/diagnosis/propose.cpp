@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "propose.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <utility>
 
@@ -13,11 +12,8 @@ constexpr std::size_t nearest_units = 2;  // by each noise, of links and pairs: 
 /// Half of what the coefficients of normal equations [G | h] take.
 double gain_of(const Eigen::MatrixXd& normal) {
   const Eigen::Index p = normal.rows();
-  const Eigen::VectorXd scale = (normal.diagonal().array().max(0.0) + 1e-300).sqrt().inverse();
-  Eigen::MatrixXd G = scale.asDiagonal() * normal.leftCols(p) * scale.asDiagonal();
-  G.diagonal().array() += 1e-10;
-  const Eigen::VectorXd h = scale.asDiagonal() * normal.col(p);
-  return 0.5 * h.dot(G.ldlt().solve(h));
+  const Eigen::VectorXd h = normal.col(p);
+  return 0.5 * h.dot(solve(normal.leftCols(p), h, nullptr));
 }
 
 /// Units without a shape of their own, of which one will be taken: the best by what each gains if the noise
@@ -79,6 +75,7 @@ Adopted propose(const Evaluator& by, const Hypothesis& h, const Grid& grid, cons
                 double worth) {
   if (grid.empty()) return {&h, {}, 0.0};  // a pair, of a robot with one joint
   if (h.scope() == Scope::window) return propose_window(by, h, grid, base, worth);
+  // A link or a pair that does not come near has no points.
   if (h.scope() == Scope::joint && own_channel(h, *grid[0].points[0].block))
     return propose_own(by, h, grid, base, refine);
   return propose_coupled(by, h, grid, base, refine);

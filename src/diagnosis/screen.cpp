@@ -80,7 +80,7 @@ Seen seen_by(const GapRows& rows, const SeenChannel& base) {
 /// block's columns; `own`: x^T x of these, whitened.
 double taken_by(const Seen& base, const SeenChannel& channel, const Eigen::MatrixXd& seen,
                 Eigen::MatrixXd own) {
-  const Eigen::Index p = base.scale.size(), m = seen.rows() - p - 1, e = own.cols();
+  const Eigen::Index p = base.scale.size(), m = seen.rows() - p - 1;
   const Eigen::VectorXd energy = own.diagonal();
   own.noalias() -= seen.bottomRows(m).transpose() * seen.bottomRows(m);
   Eigen::VectorXd h = seen.row(p).transpose();
@@ -90,12 +90,8 @@ double taken_by(const Seen& base, const SeenChannel& channel, const Eigen::Matri
     own.noalias() -= cross.transpose() * by_base;
     h.noalias() -= by_base.transpose() * (base.scale.asDiagonal() * channel.gram.topRightCorner(p, 1));
   }
-  own.diagonal() += least_new * energy;
-  const Eigen::VectorXd scale = (own.diagonal().array().max(0.0) + 1e-300).sqrt().inverse();
-  const Eigen::VectorXd scaled = scale.asDiagonal() * h;
-  Eigen::MatrixXd G = scale.asDiagonal() * own * scale.asDiagonal();
-  G.diagonal().array() += 1e-10;
-  return e == 1 ? scaled[0] * scaled[0] : scaled.dot(G.ldlt().solve(scaled));
+  own.diagonal() = own.diagonal().cwiseMax(0.0) + least_new * energy;
+  return h.dot(solve(own, h, nullptr));
 }
 
 }  // namespace
