@@ -18,6 +18,7 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
   // Of the distance, relatively; and, as that is in units of log evidence, what says nothing. Without it a c
   // at the very border takes as many steps as a double has powers of ten.
   constexpr double gap = 1e-6, nothing = 1e-4;
+  constexpr double on_the_way = 0.1, at_the_end = 1e-6;  // decrements: on the way a centre need only be near
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> moments(pseudo_inertia(c));
@@ -48,9 +49,9 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
           if (j < i) curvature(j, i) += both;
         }
       }
-      const Vector step = -curvature.ldlt().solve(slope);
+      const Vector step = -curvature.llt().solve(slope);
       const double decrement = -slope.dot(step);
-      if (!(decrement > 1e-6)) break;
+      if (!(decrement > (last ? at_the_end : on_the_way))) break;
       // Damped as far as a self-concordant function asks for: but for rounding, the point stays inside.
       double part = 1.0 / (1.0 + std::sqrt(decrement));
       while (part > 1e-12 &&

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/diagnose.hpp"
 
+#include <tbb/parallel_invoke.h>
+
 #include <algorithm>
 #include <chrono>
 #include <memory>
@@ -237,9 +239,16 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   out.nominal_error = choice->model.kappa;
 
   say("surrogates", 0.7);
-  out.structure_p_value =
-      structure_p_value(rows, choice->search.blocks(), none.fit.residual,
-                        surrogates(rows, none.fit.residual, options.surrogates, options.seed));
+  tbb::parallel_invoke(
+      [&] {
+        out.structure_p_value =
+            structure_p_value(rows, choice->search.blocks(), none.fit.residual,
+                              surrogates(rows, none.fit.residual, options.surrogates, options.seed));
+      },
+      [&] {  // where a joint sticks is a place of the gap too
+        out.where = locate(spread, everything.white_floor,
+                           surrogates(spread, spread.y, options.surrogates, options.seed));
+      });
   // The floor: white noise, or what is left where that is coloured; not what no effect explains.
   const Eigen::VectorXd residual = rms(choice->model.fit.residual);
   out.floor = residual.cwiseMin(options.criteria.floor_room * rows.white_floor).cwiseMax(rows.white_floor);
@@ -258,10 +267,6 @@ Diagnosis diagnose(const Robot& given, const std::vector<Log>& logs, const Diagn
   out.verdict = judged.verdict;
   out.judgement = judged.judgement;
   out.considered = judged.considered;
-  // Where a joint sticks is a place of the gap too.
-  const GapRows& shown = spread;
-  out.where =
-      locate(shown, everything.white_floor, surrogates(shown, shown.y, options.surrogates, options.seed));
   if (out.verdict == Verdict::no_gap || out.verdict == Verdict::not_detected)
     out.smallest_visible = choice->search.smallest_visible(none);
 

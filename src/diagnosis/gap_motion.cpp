@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dynid/diagnosis/gap_motion.hpp"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -15,6 +16,8 @@
 
 namespace dynid {
 namespace {
+
+constexpr Eigen::Index samples_of_a_task = 512;
 
 /// Calls use(i, Y) with the regressor (n x 10 n) of each of the `count` samples from `first` on.
 template <class Use>
@@ -96,14 +99,13 @@ std::vector<Eigen::MatrixXd> GapMotion::regressor_rows(Eigen::Index first, Eigen
 }
 
 std::vector<Eigen::MatrixXd> GapMotion::link_columns(int link) const {
-  constexpr Eigen::Index block = 512;  // samples
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(link) + 1, Eigen::MatrixXd(q.rows(), 10));
-  tbb::parallel_for(Eigen::Index{0}, (q.rows() + block - 1) / block, [&](Eigen::Index k) {
-    const Eigen::Index first = k * block, count = std::min(block, q.rows() - first);
-    for_each_regressor(model_, *this, first, count, [&](Eigen::Index i, const Eigen::MatrixXd& Y) {
-      for (int j = 0; j <= link; ++j)
-        out[static_cast<std::size_t>(j)].row(i) = Y.row(j).segment<10>(10 * link);
-    });
+  tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, q.rows(), samples_of_a_task), [&](const auto& part) {
+    for_each_regressor(model_, *this, part.begin(), part.end() - part.begin(),
+                       [&](Eigen::Index i, const Eigen::MatrixXd& Y) {
+                         for (int j = 0; j <= link; ++j)
+                           out[static_cast<std::size_t>(j)].row(i) = Y.row(j).segment<10>(10 * link);
+                       });
   });
   return out;
 }
@@ -113,18 +115,20 @@ Eigen::MatrixXd GapMotion::along(const Eigen::MatrixXd& d_q, const Eigen::Matrix
   // Central differences with a step of 1e-4 of a unit change: the torques are smooth, curvature leaves 1e-8.
   constexpr double step = 1e-4;
   const int n = robot_.size();
-  Workspace<> ws(model_);
   Eigen::MatrixXd out(q.rows(), n);
-  Eigen::VectorXd ahead(n), behind(n), x(n), v(n), a(n);
-  for (Eigen::Index i = 0; i < q.rows(); ++i) {
-    for (const double s : {step, -step}) {
-      x = (q.row(i) + s * d_q.row(i)).transpose();
-      v = (dq.row(i) + s * d_dq.row(i)).transpose();
-      a = (ddq.row(i) + s * d_ddq.row(i)).transpose();
-      inverse_dynamics(model_, ws, x, v, a, s > 0.0 ? ahead : behind);
+  tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, q.rows(), samples_of_a_task), [&](const auto& part) {
+    Workspace<> ws(model_);
+    Eigen::VectorXd ahead(n), behind(n), x(n), v(n), a(n);
+    for (Eigen::Index i = part.begin(); i < part.end(); ++i) {
+      for (const double s : {step, -step}) {
+        x = (q.row(i) + s * d_q.row(i)).transpose();
+        v = (dq.row(i) + s * d_dq.row(i)).transpose();
+        a = (ddq.row(i) + s * d_ddq.row(i)).transpose();
+        inverse_dynamics(model_, ws, x, v, a, s > 0.0 ? ahead : behind);
+      }
+      out.row(i) = (ahead - behind).transpose() / (2.0 * step);
     }
-    out.row(i) = (ahead - behind).transpose() / (2.0 * step);
-  }
+  });
   return out;
 }
 

@@ -62,8 +62,8 @@ std::vector<GridPoint> nearest_of(const Evaluator& by, const Hypothesis& h, int 
 UnitShape best_own_shape(const Evaluator& by, const Hypothesis& h, int joint, const UnitGrid& grid,
                          const Channel& channel, double kappa,
                          double worth = -std::numeric_limits<double>::infinity());
-/// Shape parameter `s` of a unit between low and high by golden section, kept where it gains more than
-/// `best`: returns the gain.
+/// Shape parameter `s` of a unit between low and high, from where it is, by parabolas and, where these do not
+/// lead on, by golden section (Brent 1973, chapter 5). Returns the gain; `best`: that of the unit as it is.
 double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low,
                double high, bool logarithmic, double best, const Gain& gain);
 

@@ -9,36 +9,54 @@ namespace dynid::detail {
 
 double improve(const Evaluator& by, const Hypothesis& h, UnitShape& unit, Eigen::Index s, double low,
                double high, bool logarithmic, double best, const Gain& gain) {
-  const auto to = [&](double x) { return logarithmic ? std::log(x) : x; };
-  const Eigen::VectorXd shape = unit.shape;
-  const auto value = [&](double x, UnitShape& out) {
-    Eigen::VectorXd at = shape;
-    at[s] = logarithmic ? std::exp(x) : x;
-    out = by.made(h, unit.unit, at);
-    return gain(*out.block);
+  constexpr int most = 10;         // evaluations
+  constexpr int settled = 4;       // evaluations after which three alike mean that nothing is to be had
+  constexpr double enough = 0.01;  // nats: no judgement hangs on less
+  constexpr double near = 0.005;   // of the interval: what is nearer is the same place
+  constexpr double golden = 0.381966011250105;
+  struct Point {
+    double x, gain;
   };
-  low = to(low), high = to(high);
-  constexpr int settled = 4;            // steps after which the two points are near each other
-  constexpr double enough = 0.01;       // nats: no judgement hangs on less
-  const double g = 0.6180339887498949;  // golden section
-  double a = high - g * (high - low), b = low + g * (high - low);
-  UnitShape at_a, at_b;
-  double fa = value(a, at_a), fb = value(b, at_b);
-  for (int k = 0; k < 10; ++k) {
-    if (k >= settled && std::abs(fa - fb) < enough) break;
-    if (fa > fb) {
-      high = b, b = a, fb = fa, at_b = at_a;
-      a = high - g * (high - low);
-      fa = value(a, at_a);
+  const Eigen::VectorXd shape = unit.shape;
+  if (logarithmic) low = std::log(low), high = std::log(high);
+  const double least = near * (high - low);
+  // The three best places; while there are fewer, some are the same.
+  Point x{logarithmic ? std::log(shape[s]) : shape[s], best}, w = x, v = x;
+  double step = 0.0, before = 0.0;  // the last one, and that before it
+  bool by_parabola = false;
+  for (int k = 0; k < most; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (std::abs(x.x - middle) <= 2.0 * least - 0.5 * (high - low)) break;
+    if (k >= settled && x.gain - std::min(w.gain, v.gain) < enough) break;
+    const double d_w = (w.gain - x.gain) / (w.x - x.x), d_v = (v.gain - x.gain) / (v.x - x.x),
+                 curvature = (d_w - d_v) / (w.x - v.x), slope = d_w - curvature * (w.x - x.x),
+                 to_vertex = -0.5 * slope / curvature;
+    const bool vertex = curvature < 0.0 && x.x + to_vertex > low && x.x + to_vertex < high &&
+                        std::abs(to_vertex) < 0.5 * std::abs(before);
+    if (vertex && by_parabola && 0.5 * slope * to_vertex < enough) break;
+    before = vertex ? step : (x.x >= middle ? low : high) - x.x;
+    step = vertex ? to_vertex : golden * before;
+    if (vertex && std::min(x.x + step - low, high - x.x - step) < 2.0 * least)
+      step = std::copysign(least, middle - x.x);  // not onto what is known
+    by_parabola = vertex;
+    const double at = x.x + (std::abs(step) < least ? std::copysign(least, step) : step);
+    Eigen::VectorXd moved = shape;
+    moved[s] = logarithmic ? std::exp(at) : at;
+    const UnitShape there = by.made(h, unit.unit, moved);
+    const Point u{at, gain(*there.block)};
+    if (u.gain >= x.gain) {
+      (u.x >= x.x ? low : high) = x.x;
+      v = w, w = x, x = u;
+      unit = there;
     } else {
-      low = a, a = b, fa = fb, at_a = at_b;
-      b = low + g * (high - low);
-      fb = value(b, at_b);
+      (u.x < x.x ? low : high) = u.x;
+      if (u.gain >= w.gain || w.x == x.x)
+        v = w, w = u;
+      else if (u.gain >= v.gain || v.x == x.x || v.x == w.x)
+        v = u;
     }
   }
-  if (fa > best) best = fa, unit = at_a;
-  if (fb > best) best = fb, unit = at_b;
-  return best;
+  return x.gain;
 }
 
 namespace {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "surrogates.hpp"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <cmath>
 #include <complex>
 #include <random>
@@ -68,14 +71,56 @@ class Transform {
   Eigen::FFT<double> fft_;
 };
 
+/// What a surrogate makes of a spectrum: each bin is turned, and the zero bin, which has no phase to turn, is
+/// mixed from the lowest ones, as they go together over the joints.
+struct Turn {
+  std::vector<Complex> phase;
+  Eigen::VectorXd mix;
+};
+
+class Turns {
+ public:
+  explicit Turns(std::mt19937_64& random) : random_(random) {}
+
+  Turn draw(Eigen::Index size) {
+    const Eigen::Index half = size / 2, lowest = std::min<Eigen::Index>(5, half);
+    Turn out{std::vector<Complex>(static_cast<std::size_t>(size), 1.0), Eigen::VectorXd(2 * lowest)};
+    for (Eigen::Index k = 1; k <= half; ++k) {
+      const Complex phase =
+          2 * k == size ? Complex(random_() % 2 == 0 ? 1.0 : -1.0) : std::polar(1.0, angle_(random_));
+      out.phase[static_cast<std::size_t>(k)] = phase;
+      if (2 * k != size) out.phase[static_cast<std::size_t>(size - k)] = std::conj(phase);
+    }
+    // Being an estimate from 2 x `lowest` numbers, the distribution of the mean is Student's.
+    for (double& m : out.mix) m = normal_(random_);
+    out.mix /= std::sqrt(chi_squared_(random_));
+    return out;
+  }
+
+ private:
+  std::mt19937_64& random_;
+  std::uniform_real_distribution<double> angle_{-M_PI, M_PI};
+  std::normal_distribution<double> normal_;
+  std::chi_squared_distribution<double> chi_squared_{10.0};
+};
+
+std::vector<Complex> turned(std::vector<Complex> x, const Turn& turn) {
+  double mean = 0.0;
+  for (Eigen::Index k = 1; k <= turn.mix.size() / 2; ++k) {
+    const Complex bin = x[static_cast<std::size_t>(k)];
+    mean += std::sqrt(2.0) * (turn.mix[2 * k - 2] * bin.real() + turn.mix[2 * k - 1] * bin.imag());
+  }
+  x[0] = mean;
+  for (std::size_t k = 1; k < x.size(); ++k) x[k] *= turn.phase[k];
+  return x;
+}
+
 }  // namespace
 
 std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::MatrixXd& gap, int count,
                                         unsigned seed) {
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> angle(-M_PI, M_PI);
-  std::normal_distribution<double> normal;
-  std::chi_squared_distribution<double> chi_squared(10.0);
+  Turns turning(random);
   std::vector<Eigen::MatrixXd> out(static_cast<std::size_t>(count), Eigen::MatrixXd(gap.rows(), gap.cols()));
   for (std::size_t p = 0; p + 1 < rows.parts.size(); ++p) {
     const Eigen::Index first = rows.parts[p], size = rows.parts[p + 1] - first;
@@ -84,47 +129,30 @@ std::vector<Eigen::MatrixXd> surrogates(const GapRows& rows, const Eigen::Matrix
         surrogate.middleRows(first, size) = (random() % 2 == 0 ? 1.0 : -1.0) * gap.middleRows(first, size);
       continue;
     }
-    Transform transform(size);
+    const Transform transform(size);
     std::vector<std::vector<Complex>> spectra;
+    Transform forth = transform;
     for (Eigen::Index j = 0; j < gap.cols(); ++j) {
       const Eigen::VectorXcd x = gap.col(j).segment(first, size).cast<Complex>();
-      spectra.push_back(transform.forward({x.data(), x.data() + size}));
+      spectra.push_back(forth.forward({x.data(), x.data() + size}));
     }
-    const Eigen::Index half = size / 2;
-    for (Eigen::MatrixXd& surrogate : out) {
-      std::vector<Complex> turn(static_cast<std::size_t>(size), 1.0);
-      for (Eigen::Index k = 1; k <= half; ++k) {
-        const Complex phase =
-            2 * k == size ? Complex(random() % 2 == 0 ? 1.0 : -1.0) : std::polar(1.0, angle(random));
-        turn[static_cast<std::size_t>(k)] = phase;
-        if (2 * k != size) turn[static_cast<std::size_t>(size - k)] = std::conj(phase);
-      }
-      // The zero bin has no phase to turn. Its amplitude is drawn from the lowest bins, as they go together
-      // over the joints; being an estimate from 2 x `lowest` numbers, its distribution is Student's.
-      const Eigen::Index lowest = std::min<Eigen::Index>(5, half);
-      Eigen::VectorXd mix(2 * lowest);
-      for (double& m : mix) m = normal(random);
-      mix /= std::sqrt(chi_squared(random));
-      std::vector<std::vector<Complex>> turned = spectra;
-      for (std::vector<Complex>& x : turned) {
-        double mean = 0.0;
-        for (Eigen::Index k = 1; k <= lowest; ++k) {
-          const Complex bin = x[static_cast<std::size_t>(k)];
-          mean += std::sqrt(2.0) * (mix[2 * k - 2] * bin.real() + mix[2 * k - 1] * bin.imag());
+    std::vector<Turn> turns;
+    for (int k = 0; k < count; ++k) turns.push_back(turning.draw(size));
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, out.size()), [&](const auto& some) {
+      Transform back = transform;
+      for (std::size_t k = some.begin(); k < some.end(); ++k) {
+        for (std::size_t j = 0; j < spectra.size(); j += 2) {
+          const bool pair = j + 1 < spectra.size();
+          const std::vector<Complex> x =
+              back.inverse(turned(spectra[j], turns[k]), pair ? turned(spectra[j + 1], turns[k])
+                                                              : std::vector<Complex>(spectra[j].size(), 0.0));
+          const auto values = Eigen::Map<const Eigen::VectorXcd>(x.data(), size);
+          const auto column = static_cast<Eigen::Index>(j);
+          out[k].col(column).segment(first, size) = values.real();
+          if (pair) out[k].col(column + 1).segment(first, size) = values.imag();
         }
-        x[0] = mean;
-        for (std::size_t k = 1; k < x.size(); ++k) x[k] *= turn[k];
       }
-      for (std::size_t j = 0; j < turned.size(); j += 2) {
-        const bool pair = j + 1 < turned.size();
-        const std::vector<Complex> x =
-            transform.inverse(turned[j], pair ? turned[j + 1] : std::vector<Complex>(turned[j].size(), 0.0));
-        const auto values = Eigen::Map<const Eigen::VectorXcd>(x.data(), size);
-        const auto column = static_cast<Eigen::Index>(j);
-        surrogate.col(column).segment(first, size) = values.real();
-        if (pair) surrogate.col(column + 1).segment(first, size) = values.imag();
-      }
-    }
+    });
   }
   return out;
 }
