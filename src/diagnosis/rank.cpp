@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rank.hpp"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -139,14 +141,17 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
     }
   };
   const std::vector<std::size_t> order = by_share(shares);
-  std::vector<GapModel> others;
+  const FormError form = form_error(choice, model);
+  const double own = score_of(choice, model, form);
+  std::vector<std::map<std::string, Candidate>> instead(count);
+  std::vector<std::vector<GapModel>> others(count);  // that those are of
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) {
+    instead[k] = candidates(choice, choice.search.evaluate(without(model.effects, k), model.kappa), form,
+                            floor, k == order.front(), others[k]);
+  });
   for (const std::size_t k : order) {
     const std::string mine = model.effects[k].h->name();
-    const FormError form = form_error(choice, model);
-    std::map<std::string, Candidate> all =
-        candidates(choice, choice.search.evaluate(without(model.effects, k), model.kappa), form, floor,
-                   k == order.front(), others);
-    const double own = score_of(choice, model, form);
+    std::map<std::string, Candidate>& all = instead[k];
     all.erase(mine);
     // What is as good shares the probability; what is not is what it is measured against. As good is what
     // the evidence does not tell from it, and what leaves no more than its own form can be blamed for: of
@@ -199,7 +204,8 @@ Ranked rank(const Choice& choice, const GapModel& model, const std::vector<doubl
   if (model.effects.empty()) {
     const FormError none{Eigen::VectorXd::Zero(choice.rows.joints()),
                          Eigen::VectorXd::Zero(choice.rows.joints())};
-    const auto all = candidates(choice, choice.search.none(model.kappa), none, floor, true, others);
+    std::vector<GapModel> proposed;
+    const auto all = candidates(choice, choice.search.none(model.kappa), none, floor, true, proposed);
     double top = -std::numeric_limits<double>::infinity();
     for (const auto& [name, c] : all) top = std::max(top, c.score);
     put_first(all, top, 0.0);

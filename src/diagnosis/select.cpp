@@ -165,13 +165,23 @@ bool Choice::lateness_matters() const {
 }
 
 double Choice::tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const {
-  double kappa = 0.0, best = search.none(0.0).score;
-  for (const auto& set : sets) best = std::max(best, search.evaluate(set, 0.0).score);
-  for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03}) {
-    if (k > criteria().most_off * tolerance) continue;
-    double here = search.none(k).score;
-    for (const auto& set : sets) here = std::max(here, search.evaluate(set, k).score);
-    if (here > best + (kappa > 0.0 ? 0.0 : criteria().off_gain)) kappa = k, best = here;
+  std::vector<double> levels = {0.0};
+  for (const double k : {0.0025, 0.005, 0.01, 0.02, 0.03})
+    if (k <= criteria().most_off * tolerance) levels.push_back(k);
+  const std::size_t of_level = sets.size() + 1;  // without an effect, and each set
+  std::vector<double> scores(levels.size() * of_level);
+  tbb::parallel_for(std::size_t{0}, scores.size(), [&](std::size_t i) {
+    const double k = levels[i / of_level];
+    scores[i] = i % of_level == 0 ? search.none(k).score : search.evaluate(sets[i % of_level - 1], k).score;
+  });
+  const auto best_of = [&](std::size_t level) {
+    const auto first = scores.begin() + static_cast<std::ptrdiff_t>(level * of_level);
+    return *std::max_element(first, first + static_cast<std::ptrdiff_t>(of_level));
+  };
+  double kappa = 0.0, best = best_of(0);
+  for (std::size_t level = 1; level < levels.size(); ++level) {
+    const double here = best_of(level);
+    if (here > best + (kappa > 0.0 ? 0.0 : criteria().off_gain)) kappa = levels[level], best = here;
   }
   return kappa;
 }

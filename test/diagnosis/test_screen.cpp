@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/evaluator.hpp"
@@ -89,6 +91,45 @@ TEST_F(Screened, AGridIsScreenedAsItsPointsAreWeighed) {
         EXPECT_GT(most, 50.0) << "there is one to find";
       }
     }
+  }
+}
+
+// From the best point of a grid, a refined shape gains what the best of a fine scan between its neighbours
+// does.
+TEST_F(Screened, ARefinedShapeGainsWhatAFineScanDoes) {
+  constexpr int scanned = 300;
+  constexpr double near_enough = 0.02;  // nats
+  for (const auto& [name, joint] : {std::pair("torque_ripple", 1), std::pair("stribeck_friction", 3)}) {
+    const Hypothesis& h = effect(name);
+    const ShapeParameter p = rows_.shape(h, joint).at(0);
+    const Channel& channel = base_.channels[static_cast<std::size_t>(joint)];
+    int evaluations = 0;
+    const auto gain = [&, joint = joint](const RowBlock& block) {
+      ++evaluations;
+      return by_.own_gain(h, joint, block, channel, kappa);
+    };
+    UnitShape best;
+    double most = -std::numeric_limits<double>::infinity();
+    for (const Eigen::VectorXd& shape : grid_points(rows_, h, joint)) {
+      const UnitShape here = by_.made(h, joint, shape);
+      if (const double g = gain(*here.block); g > most) most = g, best = here;
+    }
+    const double step = p.logarithmic ? std::pow(p.high / p.low, 1.0 / (p.points - 1))
+                                      : (p.high - p.low) / (p.points - 1),
+                 x = best.shape[0], low = std::max(p.low, p.logarithmic ? x / step : x - step),
+                 high = std::min(p.high, p.logarithmic ? x * step : x + step);
+    double scan = most;
+    for (int k = 0; k <= scanned; ++k) {
+      Eigen::VectorXd shape = best.shape;
+      shape[0] = low + (high - low) * k / scanned;
+      scan = std::max(scan, gain(*by_.made(h, joint, shape).block));
+    }
+    UnitShape refined = best;
+    evaluations = 0;
+    const double found = improve(by_, h, refined, 0, low, high, p.logarithmic, most, gain);
+    EXPECT_LE(evaluations, 10) << name;
+    EXPECT_GT(found, scan - near_enough) << name << ": " << most << " before";
+    EXPECT_EQ(found, gain(*refined.block)) << name;
   }
 }
 
