@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 #
-# Installs the build into a prefix, moves the prefix, and builds against it what a user would: the examples, which are
-# then run, and test/packaging/consumer. Run by ctest with
-#   cmake -D BUILD=... -D SOURCE=... -D WORK=... -D GENERATOR=... -D COMPILER=...
-#     -D FLAGS=... -D SHARED=... -P this
+# The installed package as a user has it. Run by ctest, step after step, with
+#   cmake -D STEP=install -D BUILD=... -D SOURCE=... -D WORK=... -D GENERATOR=... -D COMPILER=... -D FLAGS=... -D SHARED=...
+#     -P this                        installs the build into a prefix, moves the prefix, and runs the program there
+#   ... STEP=consumer, headers_<i>   builds that part of test/packaging/consumer against it
+#   ... STEP=<example>               builds one of the examples against it, and runs it
 cmake_minimum_required(VERSION 3.16)
 
 function(run)
@@ -15,33 +16,30 @@ function(run)
   set(output "${output}" PARENT_SCOPE)
 endfunction()
 
-file(REMOVE_RECURSE "${WORK}")
-file(MAKE_DIRECTORY "${WORK}")
-run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/installed")
-file(RENAME "${WORK}/installed" "${WORK}/prefix")
+# The step's target of the project in a folder, against the prefix.
+function(build folder)
+  run("${CMAKE_COMMAND}" -S "${SOURCE}/${folder}" -B "${WORK}/${STEP}" -G "${GENERATOR}" "-DDYNID_SHARED=${SHARED}"
+    "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}" "-DCMAKE_PREFIX_PATH=${WORK}/prefix"
+    --no-warn-unused-cli -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
+  run("${CMAKE_COMMAND}" --build "${WORK}/${STEP}" --target "${STEP}")
+endfunction()
 
-foreach(project examples test/packaging/consumer)
-  get_filename_component(name "${project}" NAME)
-  run("${CMAKE_COMMAND}" -S "${SOURCE}/${project}" -B "${WORK}/${name}" -G "${GENERATOR}"
-    "-DDYNID_SHARED=${SHARED}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}"
-    "-DCMAKE_PREFIX_PATH=${WORK}/prefix" --no-warn-unused-cli -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
-  run("${CMAKE_COMMAND}" --build "${WORK}/${name}" --parallel 2)
-endforeach()
-
-file(GLOB examples "${SOURCE}/examples/*.cpp")
-if(NOT examples)
-  message(FATAL_ERROR "there is no example in ${SOURCE}/examples")
-endif()
+set(program "${WORK}/prefix/bin/dynid")
 set(model "${WORK}/prefix/share/dynid/config/panda.yaml")
-run("${WORK}/prefix/bin/dynid" export --model "${model}" --format urdf --out "${WORK}/panda.urdf")
-foreach(example IN LISTS examples)
-  get_filename_component(name "${example}" NAME_WE)
-  if(name MATCHES "urdf")
-    run("${WORK}/examples/${name}" "${WORK}/panda.urdf")
-  else()
-    run("${WORK}/examples/${name}" "${model}")  # those that need none pass over it
+if(STEP STREQUAL "install")
+  file(REMOVE_RECURSE "${WORK}")
+  file(MAKE_DIRECTORY "${WORK}")
+  run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/installed")
+  file(RENAME "${WORK}/installed" "${WORK}/prefix")
+  run("${program}" --help)
+  run("${program}" export --model "${model}" --format urdf --out "${WORK}/panda.urdf")
+elseif(STEP MATCHES "^(consumer|headers_[0-9])$")
+  build(test/packaging/consumer)
+else()
+  build(examples)
+  if(STEP MATCHES "urdf")
+    set(model "${WORK}/panda.urdf")
   endif()
-  message("${name}:\n${output}")
-endforeach()
-
-run("${WORK}/prefix/bin/dynid" --help)
+  run("${WORK}/${STEP}/${STEP}" "${model}")  # those that need none pass over it
+  message("${output}")
+endif()
