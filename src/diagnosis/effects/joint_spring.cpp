@@ -25,11 +25,11 @@ class JointSpring : public OwnTorque {
 
   bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    // At rest far from where the joint comes, it pulls alike everywhere: an offset.
+    // At rest where the joint cannot come, it pulls to one side everywhere: an offset.
     if (!(c[0] > 0.0)) return false;
     const JointRange& range = ranges[static_cast<std::size_t>(unit)];
-    const double rest = -c[1] / c[0], room = range.upper - range.lower;
-    return rest > range.lower - room && rest < range.upper + room;
+    const double rest = -c[1] / c[0];
+    return rest > range.least && rest < range.most;
   }
 
  protected:
