@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "held_out.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
 
 #include "energy.hpp"
+#include "fit.hpp"
 #include "split.hpp"
 
 namespace dynid::detail {
@@ -79,11 +79,7 @@ GapModel fitted_on(const GapRows& rows, const GapRows& whole, const GapModel& mo
       sum.block(at, at, p, p) += own * (double(p) / std::max(theta.dot(own * theta), double(p)));
       at += p;
     }
-  const Eigen::VectorXd seen = here * part.fit.theta;
-  const Eigen::VectorXd scale = (sum.diagonal().array() + 1e-300).sqrt().inverse();
-  part.fit.theta =
-      scale.asDiagonal() *
-      Eigen::MatrixXd(scale.asDiagonal() * sum * scale.asDiagonal()).ldlt().solve(scale.asDiagonal() * seen);
+  part.fit.theta = solve(sum, here * part.fit.theta, nullptr);
   return part;
 }
 

@@ -7,10 +7,8 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <string>
 #include <utility>
 
-#include "dynid/base/error.hpp"
 #include "effects/effects.hpp"
 #include "energy.hpp"
 
@@ -69,7 +67,7 @@ Choice::Choice(const GapRows& everything, const Split& rows_split,
     : split(rows_split),
       rows(everything, split.to_fit),
       held(everything, split.to_judge),
-      search(checked(), library, options.criteria) {
+      search(rows, library, options.criteria) {
   say("choosing effects", 0.3);
   const double first_kappa = tuned({search.best(0.0, 1).effects}, options.tolerance);
   Trail trail;
@@ -95,15 +93,8 @@ Choice::Choice(const GapRows& everything, const Split& rows_split, const Choice&
     : split(rows_split),
       rows(everything, split.to_fit),
       held(everything, split.to_judge),
-      search(checked(), sought.search),
+      search(rows, sought.search),
       model(search.moved_here(sought.model.effects, sought.model.kappa)) {}
-
-const GapRows& Choice::checked() const {
-  if (rows.size() < least_to_fit || held.size() < least_to_judge)
-    throw Error("diagnosis: " + std::to_string(rows.size()) + " independent rows to fit and " +
-                std::to_string(held.size()) + " to judge by are too few");
-  return rows;
-}
 
 bool Choice::leaves_gap(double tolerance) const {
   if (model.effects.empty()) return false;
@@ -257,7 +248,8 @@ std::unique_ptr<Choice> select(GapRows& everything, const Split& split,
                                const std::vector<const Hypothesis*>& library, const DiagnoseOptions& options,
                                const Say& say) {
   auto chosen = std::make_unique<Choice>(everything, split, library, options, say);
-  if (split.several && !split.alone && chosen->left_in_held(options.tolerance)) {
+  const bool enough = chosen->held.size() >= least_to_fit && chosen->rows.size() >= least_to_judge;
+  if (split.several && !split.alone && enough && chosen->left_in_held(options.tolerance)) {
     // So is what the last log alone has beside the effects of all.
     auto other = std::make_unique<Choice>(everything, split.swapped(), library, options, say);
     if (has_window(other->model)) {

@@ -16,7 +16,7 @@ using Say = std::function<void(const char* stage, double fraction)>;
 /// refers to the rows.
 class Choice {
  public:
-  /// Chooses. Throws Error where the rows are too few.
+  /// Chooses. The split has least_to_fit and least_to_judge rows, or more.
   Choice(const GapRows& everything, const Split& split, const std::vector<const Hypothesis*>& library,
          const DiagnoseOptions& options, const Say& say);
   /// What was chosen in a spread of windows, with all rows to fit and to judge it. Holds a reference to
@@ -39,7 +39,6 @@ class Choice {
   GapModel model;
 
  private:
-  const GapRows& checked() const;
   /// How far off the nominal parameters are is found along with the effects: an error of the model must not
   /// be named an effect, nor an effect be taken for such an error.
   double tuned(const std::vector<std::vector<Adopted>>& sets, double tolerance) const;

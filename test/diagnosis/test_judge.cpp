@@ -386,6 +386,18 @@ TEST(Judge, WhatAJointCarriesAtRestIsNoGap) {
   EXPECT_GT(d.p_value, 0.05);
 }
 
+// The last log judges; what it has besides is not sought in it alone where it is too short for that.
+TEST(Judge, AShortLastLogWithMoreInItIsJudgedAllTheSame) {
+  const std::string friction = "viscous_friction:joints=2+4,coefficient=4";
+  const std::vector<Log> logs = {
+      recorded(panda(), {friction}, 1),
+      recorded(panda(), {friction, "torque_offset:joints=1+3+6,offset=6"}, 2, 2.0)};
+  Diagnosis d;
+  ASSERT_NO_THROW(d = told(panda(), logs));
+  EXPECT_NE(d.verdict, Verdict::data_invalid);
+  expect_consistent(panda(), d);
+}
+
 // A joint comes as far as its limits and, where it has none, is thought to come as far again as in the logs.
 TEST(Judge, AJointComesAsFarAsItsLimits) {
   Robot robot = smooth_panda();
