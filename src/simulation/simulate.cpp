@@ -6,6 +6,8 @@
 #include <string>
 
 #include "dynid/base/error.hpp"
+#include "dynid/base/number.hpp"
+#include "dynid/base/text.hpp"
 #include "dynid/dynamics/joint_scale.hpp"
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/perturbed.hpp"
@@ -34,6 +36,16 @@ void transmit(Log& log, const MeasurementOptions& options, unsigned long seed) {
   }
 }
 
+/// Why the controller may have lost the robot, and what to do.
+std::string held_by(const std::vector<Effect>& effects) {
+  std::vector<std::string> names;
+  for (const Effect& effect : effects) names.push_back(effect.name);
+  if (names.empty()) return ": the controller cannot hold the model; are its inertias those of a body?";
+  return ": the controller does not know of " + list_in_words(names) +
+         " and cannot hold the arm so; less of it, or on fewer joints (dynid simulate --effects lists what "
+         "it has)";
+}
+
 }  // namespace
 
 SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, const Trajectory& trajectory,
@@ -48,7 +60,9 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
   const double ratio = options.control_rate / options.rate;
   const auto every = static_cast<Eigen::Index>(std::llround(ratio));
   if (every < 1 || std::abs(ratio - double(every)) > 1e-9 * ratio)
-    throw Error("simulate: the log's rate must divide the control rate");
+    throw Error("simulate: the log's rate of " + short_number(options.rate) +
+                " Hz does not divide the control rate of " + short_number(options.control_rate) +
+                " Hz: " + short_number(options.control_rate / std::ceil(std::max(1.0, ratio))) + " Hz would");
 
   SimulatedRun run;
   run.truth = perturbed(nominal, options.spread, options.seed);
@@ -120,11 +134,15 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
       Eigen::Index worst = 0;
       if (!((plant.seen_q() - q_d).cwiseQuotient(travel).cwiseAbs().maxCoeff(&worst) < lost_robot))
         throw Error("simulate: joint " + std::to_string(worst + 1) + " left its motion at " +
-                    std::to_string(run.t[i]) + " s");
+                    std::to_string(run.t[i]) + " s" + held_by(run.truth.effects));
     }
     if (k == steps) break;
     control(q_d, dq_d, ddq_d, plant.measured_q(), plant.measured_dq(), dt, tau);
-    plant.step(tau, dt);
+    try {
+      plant.step(tau, dt);
+    } catch (const Error& error) {
+      throw Error(error.what() + held_by(run.truth.effects));
+    }
   }
   log.t = run.t;
   if (options.record_acceleration) log.ddq = run.seen_ddq;
