@@ -258,11 +258,12 @@ class ServoDiagnosis {
   /// Seeks a payload by itself, or `beside` those of the joints' effects that it does not take the place of;
   /// kept with the choices that go with it where the evidence for both together is larger.
   bool with_payload(std::vector<ServoChoice>& choices, const PayloadLoads& loads, bool beside) {
-    std::vector<KnobFit> fits;
-    std::vector<std::vector<Knob>> kept;
-    std::vector<double> samples;
-    std::vector<ServoProblemOfJoint> problems;
-    for (std::size_t j = 0; j < choices.size(); ++j) {
+    const std::size_t n = choices.size();
+    std::vector<KnobFit> fits(n);
+    std::vector<std::vector<Knob>> kept(n);
+    std::vector<double> samples(n);
+    std::vector<ServoProblemOfJoint> problems(n);
+    tbb::parallel_for(std::size_t{0}, n, [&](std::size_t j) {
       ServoProblemOfJoint p = searched(j);
       std::vector<int> stay;
       for (const WeighedServoEffect& w : choices[j].effects) {
@@ -271,29 +272,32 @@ class ServoDiagnosis {
             k != Knob::inertia)
           stay.push_back(w.effect);
       }
-      kept.push_back(freed(stay));
+      kept[j] = freed(stay);
       Knobs x = p.nominal;
-      for (const Knob k : kept.back()) x[at(k)] = choices[j].fit.x[at(k)];
-      fits.push_back(fit_knobs(p, x, kept.back(), RowSet::fit, servo_width(p, x), choices[j].samples, 8));
-      samples.push_back(choices[j].samples);
-      problems.push_back(std::move(p));
-    }
+      for (const Knob k : kept[j]) x[at(k)] = choices[j].fit.x[at(k)];
+      fits[j] = fit_knobs(p, x, kept[j], RowSet::fit, servo_width(p, x), choices[j].samples, 8);
+      samples[j] = choices[j].samples;
+      problems[j] = std::move(p);
+    });
     ServoPayload payload = fit_payload(nominal_, loads, problems, fits, samples);
     // What is left with it is smaller, and the nominal's own errors are others: by turns.
     for (int round = 0; round < 2 && payload.present; ++round) {
-      for (std::size_t j = 0; j < problems.size(); ++j) {
+      tbb::parallel_for(std::size_t{0}, n, [&](std::size_t j) {
         ServoProblemOfJoint loaded = problems[j];
         loads.add(payload, static_cast<int>(j), loaded);
         fits[j] =
             fit_knobs(loaded, fits[j].x, kept[j], RowSet::fit, servo_width(loaded, fits[j].x), samples[j], 8);
-      }
+      });
       payload = fit_payload(nominal_, loads, problems, fits, samples, payload);
     }
     if (!payload.present || payload.gain <= options_.criteria.effect_gain) return false;
     std::vector<ServoChoice> with = search(payload, &loads, 0.5, 0.8);
     double gain = -2.0 * std::log(*std::max_element(samples.begin(), samples.end())) -
                   std::log(double(servo_effects().size()));
-    for (std::size_t j = 0; j < choices.size(); ++j) gain += compared(j, choices[j], with[j], payload, loads);
+    std::vector<double> gains(n);
+    tbb::parallel_for(std::size_t{0}, n,
+                      [&](std::size_t j) { gains[j] = compared(j, choices[j], with[j], payload, loads); });
+    for (const double g : gains) gain += g;
     if (gain <= options_.criteria.effect_gain) return false;
     payload.gain = gain;
     payload.probability = probability_of(gain, {});
