@@ -415,6 +415,7 @@ GapRows GapRows::moving(double times) const {
   std::vector<Eigen::MatrixXd> beyond;
   for (const GapMotion& m : *motions_) beyond.emplace_back(m.speed - m.dq);
   Eigen::MatrixXd moves = Eigen::MatrixXd::Ones(size(), joints());
+  std::vector<bool> rests(static_cast<std::size_t>(size()), joints() > 1);
   for (int j = 0; j < joints(); ++j) {
     std::vector<double> noise;
     for (const Eigen::MatrixXd& x : beyond)
@@ -427,12 +428,31 @@ GapRows GapRows::moving(double times) const {
       for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
         if (i < parts[p + 1] && std::abs(dq(i, j)) < slow) continue;
         if (i - since >= shortest) moves.col(j).segment(since, i - since).setZero();
+        if (i < parts[p + 1]) rests[static_cast<std::size_t>(i)] = false;
         since = i + 1;
       }
     }
-    // A joint that hardly moves at all is not looked at in another way than before.
-    if (moves.col(j).sum() < 0.2 * double(size())) moves.col(j).setOnes();
   }
+  // Joints that are slow at once do not turn round: the arm is at rest, however shortly, and the filter
+  // spreads what they carry then over the rows around.
+  const Stretch& stretch = stretches_->front();
+  const Eigen::Index factor = stretch.filter.centre(1) - stretch.filter.centre(0),
+                     around = (stretch.edge + factor - 1) / factor;
+  for (std::size_t p = 0; p + 1 < parts.size(); ++p) {
+    Eigen::Index since = parts[p];
+    for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
+      if (i < parts[p + 1] && rests[static_cast<std::size_t>(i)]) continue;
+      if (i > since && i - since < shortest) {
+        const Eigen::Index first = std::max(parts[p], since - around),
+                           end = std::min(parts[p + 1], i + around);
+        moves.middleRows(first, end - first).setZero();
+      }
+      since = i + 1;
+    }
+  }
+  // A joint that hardly moves at all is not looked at in another way than before.
+  for (auto column : moves.colwise())
+    if (column.sum() < 0.2 * double(size())) column.setOnes();
   out.moves_ = moves;
   out.active = moves.colwise().sum().transpose();
   out.y = y.cwiseProduct(moves);

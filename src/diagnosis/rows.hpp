@@ -54,7 +54,8 @@ class GapRows {
   GapRows late(const Eigen::VectorXd& lateness) const;
   /// The same rows without those in which a joint sticks, joint by joint: its gap and all columns are 0
   /// there. Within its friction the torque of a joint at rest is anything. `times`: a joint sticks where its
-  /// speed stays below so many times what its sensor resolves.
+  /// speed stays below so many times what its sensor resolves; for a row or two, where those of all joints do
+  /// (one alone may turn round).
   GapRows moving(double times) const;
   const Eigen::VectorXd& lateness() const { return lateness_; }
   /// The same rows, effects being computed from a nominal model whose links are off by `parts` (10 n) of what

@@ -28,6 +28,7 @@
 #include "dynid/simulation/effect_catalogue.hpp"
 #include "dynid/simulation/random_motion.hpp"
 #include "dynid/simulation/simulate.hpp"
+#include "simulation/robots.hpp"
 
 namespace dynid {
 namespace {
@@ -411,6 +412,30 @@ TEST(Judge, AJointComesAsFarAsItsLimits) {
   ASSERT_GT(range.lower, -2.5);
   EXPECT_EQ(range.least, -2.5);
   EXPECT_NEAR(range.most, range.upper + (range.upper - range.lower), 1e-12);
+}
+
+// Nor where all of the arm stands for a tenth of a second, with friction that jumps: what it carries then is
+// anything.
+TEST(Judge, AMomentOfRestOfTheWholeArmIsNoContact) {
+  const Robot robot = test::light_wrist_scara();
+  std::vector<Effect> effects;
+  for (const char* e :
+       {"viscous_friction:joints=1+2", "link_inertial_error:joints=2,mass=0.8", "rotor_inertia:joints=1"})
+    effects.push_back(parse_effect(e, robot));
+  SimulateOptions options;
+  options.measurement = MeasurementOptions::realistic();
+  options.rate = 500.0;
+  options.seed = 5;
+  options.record_torques = false;
+  const Log log = simulate(robot, effects, random_motion(robot, 30.0, 5), options).log;
+  // There is such a moment.
+  bool rests = false;
+  for (Eigen::Index i = 1000; i + 1000 < log.samples(); ++i)
+    rests = rests || (log.q.row(i + 10) - log.q.row(i)).norm() < 1e-4;
+  ASSERT_TRUE(rests);
+  const Diagnosis d = told(robot, {log});
+  EXPECT_EQ(d.verdict, Verdict::explained);
+  for (const FoundEffect& e : d.effects) EXPECT_NE(e.effect.name, "external_contact");
 }
 
 // What no robot has is not proposed.
