@@ -62,6 +62,21 @@ void count_directions(RowBlock& block, const Eigen::VectorXd& floor) {
   block.directions = std::max<Eigen::Index>(1, (energies.array() > nothing * energies.maxCoeff()).count());
 }
 
+/// Rows that follow one another in one part and are as `is` says.
+template <class Is>
+std::vector<RowWindow> stretches_where(const std::vector<Eigen::Index>& parts, Is&& is) {
+  std::vector<RowWindow> out;
+  for (std::size_t p = 0; p + 1 < parts.size(); ++p) {
+    Eigen::Index since = parts[p];
+    for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
+      if (i < parts[p + 1] && is(i)) continue;
+      if (i > since) out.push_back({since, i - since});
+      since = i + 1;
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 void GapRows::add(Motions& motions, Stretches& stretches, GapMotion motion, const DecimatingFilter& filter,
@@ -410,12 +425,14 @@ GapRows GapRows::with_links_off(const Eigen::VectorXd& parts_off) const {
 
 GapRows GapRows::moving(double times) const {
   constexpr Eigen::Index shortest = 3;  // rows: a reversal is shorter
+  constexpr double least_moving = 0.2;  // of the rows
   GapRows out = *this;
   // What the wider band has of speed beyond the motion's is what the sensor does not resolve.
   std::vector<Eigen::MatrixXd> beyond;
   for (const GapMotion& m : *motions_) beyond.emplace_back(m.speed - m.dq);
   Eigen::MatrixXd moves = Eigen::MatrixXd::Ones(size(), joints());
-  std::vector<bool> rests(static_cast<std::size_t>(size()), joints() > 1);
+  std::vector<int> movers;
+  std::vector<bool> rests(static_cast<std::size_t>(size()), true);  // all that move
   for (int j = 0; j < joints(); ++j) {
     std::vector<double> noise;
     for (const Eigen::MatrixXd& x : beyond)
@@ -423,36 +440,32 @@ GapRows GapRows::moving(double times) const {
     const auto middle = noise.begin() + static_cast<std::ptrdiff_t>(noise.size() / 2);
     std::nth_element(noise.begin(), middle, noise.end());
     const double slow = times * *middle / 0.6745;
-    for (std::size_t p = 0; p + 1 < parts.size(); ++p) {
-      Eigen::Index since = parts[p];
-      for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
-        if (i < parts[p + 1] && std::abs(dq(i, j)) < slow) continue;
-        if (i - since >= shortest) moves.col(j).segment(since, i - since).setZero();
-        if (i < parts[p + 1]) rests[static_cast<std::size_t>(i)] = false;
-        since = i + 1;
-      }
+    for (const auto& [first, count] :
+         stretches_where(parts, [&](Eigen::Index i) { return std::abs(dq(i, j)) < slow; }))
+      if (count >= shortest) moves.col(j).segment(first, count).setZero();
+    // A joint that hardly moves at all is not looked at in another way than before.
+    if (moves.col(j).sum() < least_moving * double(size())) {
+      moves.col(j).setOnes();
+      continue;
     }
+    movers.push_back(j);
+    for (Eigen::Index i = 0; i < size(); ++i)
+      if (!(std::abs(dq(i, j)) < slow)) rests[static_cast<std::size_t>(i)] = false;
   }
   // Joints that are slow at once do not turn round: the arm is at rest, however shortly, and the filter
   // spreads what they carry then over the rows around.
   const Stretch& stretch = stretches_->front();
   const Eigen::Index factor = stretch.filter.centre(1) - stretch.filter.centre(0),
                      around = (stretch.edge + factor - 1) / factor;
-  for (std::size_t p = 0; p + 1 < parts.size(); ++p) {
-    Eigen::Index since = parts[p];
-    for (Eigen::Index i = parts[p]; i <= parts[p + 1]; ++i) {
-      if (i < parts[p + 1] && rests[static_cast<std::size_t>(i)]) continue;
-      if (i > since && i - since < shortest) {
-        const Eigen::Index first = std::max(parts[p], since - around),
-                           end = std::min(parts[p + 1], i + around);
-        moves.middleRows(first, end - first).setZero();
-      }
-      since = i + 1;
-    }
+  if (movers.size() < 2) rests.assign(rests.size(), false);
+  for (const auto& [first, count] :
+       stretches_where(parts, [&](Eigen::Index i) { return bool(rests[static_cast<std::size_t>(i)]); })) {
+    if (count >= shortest) continue;
+    const auto next = std::upper_bound(parts.begin(), parts.end(), first);
+    const Eigen::Index begin = std::max(*(next - 1), first - around),
+                       end = std::min(*next, first + count + around);
+    for (const int j : movers) moves.col(j).segment(begin, end - begin).setZero();
   }
-  // A joint that hardly moves at all is not looked at in another way than before.
-  for (auto column : moves.colwise())
-    if (column.sum() < 0.2 * double(size())) column.setOnes();
   out.moves_ = moves;
   out.active = moves.colwise().sum().transpose();
   out.y = y.cwiseProduct(moves);

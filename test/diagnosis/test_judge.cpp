@@ -438,6 +438,24 @@ TEST(Judge, AMomentOfRestOfTheWholeArmIsNoContact) {
   for (const FoundEffect& e : d.effects) EXPECT_NE(e.effect.name, "external_contact");
 }
 
+// Where one joint alone moves, all are slow at each of its reversals: these are no rest.
+TEST(Judge, AReversalOfTheOneJointThatMovesIsNoRest) {
+  const Robot robot = panda();
+  Trajectory motion = random_motion(robot, 20.0, 3);
+  for (int j = 0; j < robot.size(); ++j) {
+    if (j == 3) continue;
+    motion.q.col(j).setConstant(motion.q(0, j));
+    motion.dq.col(j).setZero();
+    motion.ddq.col(j).setZero();
+  }
+  SimulateOptions options;
+  options.measurement = MeasurementOptions::realistic();
+  options.rate = 250.0;
+  std::vector<PreparedLog> logs = {prepare(simulate(robot, {}, motion, options).log)};
+  const detail::GapRows rows(robot, logs);
+  EXPECT_GT(rows.moving(Criteria().at_rest).active[3], 0.95 * double(rows.size()));
+}
+
 // What no robot has is not proposed.
 TEST(Judge, ImpossibleEffectsAreNotProposed) {
   const Robot robot = panda();
