@@ -209,6 +209,8 @@ std::vector<Dialect> dialects() {
   return list;
 }
 
+void PrintTo(const Dialect& dialect, std::ostream* out) { *out << dialect.name; }
+
 class Dialects : public ::testing::TestWithParam<Dialect> {};
 
 TEST_P(Dialects, GivesTheSameLog) {
@@ -296,6 +298,8 @@ std::vector<Refusal> refusals() {
       {"CutShort", head + "0,1,1,1,1,1,1\n0.1,1,1\n", {":3: the row has 3 fields, the header names 7"}},
   };
 }
+
+void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.name; }
 
 class Refusals : public ::testing::TestWithParam<Refusal> {};
 

@@ -25,6 +25,8 @@ using Eigen::MatrixXd;
 struct Arm {
   const char *name, *file, *base, *tip;
 };
+void PrintTo(const Arm& arm, std::ostream* out) { *out << arm.name; }
+
 // Of the package example-robot-data, then of DYNID_DATA.
 constexpr Arm arms[] = {
     {"scara", "", "", ""},
