@@ -211,11 +211,7 @@ void GapRows::find_ranges() {
     tau = tau.cwiseAbs();
     const auto rank = static_cast<Eigen::Index>(exceeded * double(samples - 1));
     std::nth_element(tau.data(), tau.data() + rank, tau.data() + samples);
-    const double lower = all_q.col(j).minCoeff(), upper = all_q.col(j).maxCoeff();
-    const JointLimits& limits = motions_->front().robot().joints[static_cast<std::size_t>(j)].limits;
-    range.push_back({scales[static_cast<std::size_t>(j)], lower, upper,
-                     std::isfinite(limits.lower) ? std::min(limits.lower, lower) : 2.0 * lower - upper,
-                     std::isfinite(limits.upper) ? std::max(limits.upper, upper) : 2.0 * upper - lower,
+    range.push_back({scales[static_cast<std::size_t>(j)], all_q.col(j).minCoeff(), all_q.col(j).maxCoeff(),
                      std::max(0.0, tau[rank] - noise_room * noise)});
   }
 }

@@ -37,8 +37,6 @@ struct ShapeParameter {
 struct JointRange {
   JointScale scale;
   double lower = 0.0, upper = 0.0;  ///< [rad] or [m]: of its positions
-  double least = 0.0, most = 0.0;   ///< [rad] or [m]: where it can come: its limits or, without any, as far
-                                    ///< again as the logs' positions go
   double torque = 0.0;  ///< [N m] or [N]: that one measured sample in two hundred exceeds, white noise
                         ///< (four standard deviations) taken off
 };

@@ -25,11 +25,12 @@ class JointSpring : public OwnTorque {
 
   bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    // At rest where the joint cannot come, it pulls to one side everywhere: an offset.
+    // At rest far from where the joint comes, it pulls alike everywhere: where it pulls at either end less
+    // than half more, or less, than in the middle, it is an offset.
     if (!(c[0] > 0.0)) return false;
     const JointRange& range = ranges[static_cast<std::size_t>(unit)];
-    const double rest = -c[1] / c[0];
-    return rest > range.least && rest < range.most;
+    const double rest = -c[1] / c[0], room = 0.5 * (range.upper - range.lower);
+    return rest > range.lower - room && rest < range.upper + room;
   }
 
  protected:
