@@ -49,7 +49,9 @@ StandardParameters nearest_body(const StandardParameters& c, const Eigen::Matrix
           if (j < i) curvature(j, i) += both;
         }
       }
-      const Vector step = -curvature.llt().solve(slope);
+      const Eigen::LLT<Matrix> factors(curvature);
+      if (factors.info() != Eigen::Success) break;  // at the border, rounding has the last word
+      const Vector step = -factors.solve(slope);
       const double decrement = -slope.dot(step);
       if (!(decrement > (last ? at_the_end : on_the_way))) break;
       // Damped as far as a self-concordant function asks for: but for rounding, the point stays inside.

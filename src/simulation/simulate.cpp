@@ -37,7 +37,7 @@ void transmit(Log& log, const MeasurementOptions& options, unsigned long seed) {
 }
 
 /// Why the controller may have lost the robot, and what to do.
-std::string held_by(const std::vector<Effect>& effects) {
+std::string why_lost(const std::vector<Effect>& effects) {
   std::vector<std::string> names;
   for (const Effect& effect : effects) names.push_back(effect.name);
   if (names.empty()) return ": the controller cannot hold the model; are its inertias those of a body?";
@@ -134,14 +134,14 @@ SimulatedRun simulate(const Robot& nominal, const std::vector<Effect>& effects, 
       Eigen::Index worst = 0;
       if (!((plant.seen_q() - q_d).cwiseQuotient(travel).cwiseAbs().maxCoeff(&worst) < lost_robot))
         throw Error("simulate: joint " + std::to_string(worst + 1) + " left its motion at " +
-                    std::to_string(run.t[i]) + " s" + held_by(run.truth.effects));
+                    std::to_string(run.t[i]) + " s" + why_lost(run.truth.effects));
     }
     if (k == steps) break;
     control(q_d, dq_d, ddq_d, plant.measured_q(), plant.measured_dq(), dt, tau);
     try {
       plant.step(tau, dt);
     } catch (const Error& error) {
-      throw Error(error.what() + held_by(run.truth.effects));
+      throw Error(error.what() + why_lost(run.truth.effects));
     }
   }
   log.t = run.t;

@@ -3,7 +3,7 @@
 # The installed package as a user has it. Run by ctest, step after step, with
 #   cmake -D STEP=install -D BUILD=... -D SOURCE=... -D WORK=... -D GENERATOR=... -D COMPILER=... -D FLAGS=... -D SHARED=...
 #     -P this                        installs the build into a prefix, moves the prefix, and runs the program there
-#   ... STEP=consumer, headers_<i>   builds that part of test/packaging/consumer against it
+#   ... STEP=consumer, headers_<i>   builds that part of test/packaging/consumer against it, i below -D HEADER_PARTS=...
 #   ... STEP=<example>               builds one of the examples against it, and runs it
 cmake_minimum_required(VERSION 3.16)
 
@@ -20,7 +20,7 @@ endfunction()
 function(build folder)
   run("${CMAKE_COMMAND}" -S "${SOURCE}/${folder}" -B "${WORK}/${STEP}" -G "${GENERATOR}" "-DDYNID_SHARED=${SHARED}"
     "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_FLAGS=${FLAGS}" "-DCMAKE_PREFIX_PATH=${WORK}/prefix"
-    --no-warn-unused-cli -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
+    "-DHEADER_PARTS=${HEADER_PARTS}" --no-warn-unused-cli -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
   run("${CMAKE_COMMAND}" --build "${WORK}/${STEP}" --target "${STEP}")
 endfunction()
 

@@ -25,11 +25,11 @@ class JointSpring : public OwnTorque {
 
   bool reachable(const std::vector<JointRange>& ranges, int unit, const Eigen::VectorXd& c,
                  const Eigen::VectorXd&) const override {
-    // At rest far from where the joint comes, it pulls alike everywhere: where it pulls at either end less
-    // than half more, or less, than in the middle, it is an offset.
+    // At rest far from where the joint comes, it pulls alike everywhere: an offset.
+    constexpr double least_change = 0.5;  // from the middle to an end, of what it pulls with in the middle
     if (!(c[0] > 0.0)) return false;
     const JointRange& range = ranges[static_cast<std::size_t>(unit)];
-    const double rest = -c[1] / c[0], room = 0.5 * (range.upper - range.lower);
+    const double rest = -c[1] / c[0], room = 0.5 * (1.0 / least_change - 1.0) * (range.upper - range.lower);
     return rest > range.lower - room && rest < range.upper + room;
   }
 
