@@ -11,7 +11,6 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
-#include "dynid/base/text.hpp"
 
 namespace dynid::detail {
 namespace {
@@ -53,7 +52,7 @@ YamlItem YamlItem::document(const std::string& text, const std::string& file, co
     documents = first_documents(text);
   } catch (const YAML::Exception& error) {
     const std::string line = error.mark.is_null() ? "" : ":" + std::to_string(error.mark.line + 1);
-    throw Error(one_line(file + line + ": " + error.msg));
+    throw Error(file + line + ": " + error.msg);
   }
   if (documents.empty() || documents[0].IsNull()) throw Error(file + ": is empty, " + expected);
   YamlItem root(documents[0], "", std::make_shared<const std::string>(file));
@@ -67,7 +66,7 @@ YamlItem YamlItem::document(const std::string& text, const std::string& file, co
 
 void YamlItem::fail(const std::string& what) const {
   const std::string line = mark_.is_null() ? "" : ":" + std::to_string(mark_.line + 1);
-  throw LocatedError(one_line(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what));
+  throw LocatedError(*file_ + line + ": " + (path_.empty() ? "" : path_ + ": ") + what);
 }
 
 void YamlItem::expect_map() const {

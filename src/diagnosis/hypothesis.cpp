@@ -2,6 +2,7 @@
 #include "dynid/diagnosis/hypothesis.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -15,6 +16,40 @@
 #include "effects/effects.hpp"
 
 namespace dynid {
+namespace {
+
+constexpr double decades_both_ways = 100.0;  // of the largest to where the grid turns to 0
+
+}  // namespace
+
+double ShapeParameter::at(double part) const {
+  if (both_ways()) {
+    const double x = 2.0 * part - 1.0;
+    return std::abs(x) < 1e-9 ? 0.0 : std::copysign(high * std::pow(decades_both_ways, std::abs(x) - 1.0), x);
+  }
+  return logarithmic ? low * std::pow(high / low, part) : low + part * (high - low);
+}
+
+std::pair<double, double> ShapeParameter::beside(double x) const {
+  const double step = 1.0 / (points - 1);
+  if (both_ways()) {
+    const double ratio = std::pow(decades_both_ways, 2.0 * step), least = at(0.5 + step), size = std::abs(x);
+    if (size < 0.5 * least) return {-least, least};
+    const double near = size < 1.001 * least ? 0.0 : size / ratio, far = std::min(high, size * ratio);
+    return x > 0.0 ? std::pair{near, far} : std::pair{-far, -near};
+  }
+  if (!logarithmic) {
+    const double width = step * (high - low);
+    return {std::max(low, x - width), std::min(high, x + width)};
+  }
+  const double ratio = std::pow(high / low, step);
+  return {std::max(low, x / ratio), std::min(high, x * ratio)};
+}
+
+double ShapeParameter::size_at(double x) const {
+  if (both_ways()) return std::max(std::abs(x), high / decades_both_ways);
+  return logarithmic ? std::abs(x) : high - low;
+}
 
 std::pair<int, int> pair_of(int n, int unit) {
   const bool neighbours = unit < n - 1;
@@ -34,6 +69,7 @@ JointScale arm_scale(const std::vector<JointScale>& joints, double reach) {
   arm.speed = reach / median(durations);
   arm.torque = median(torques) / reach;
   arm.sampling = joints.front().sampling;
+  arm.recorded = joints.front().recorded;
   return arm;
 }
 

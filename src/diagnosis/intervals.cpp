@@ -65,9 +65,7 @@ ShapeSlopes shape_slopes(const GapRows& rows, const Adopted& e, const Eigen::Vec
       const ShapeParameter& of = shape[static_cast<std::size_t>(s)];
       if (of.points < 3 && !window) continue;
       // A window's ends have no scale but the time between the rows.
-      const double size = window && s < 2  ? rows.period()
-                          : of.logarithmic ? std::abs(u.shape[s])
-                                           : of.high - of.low;
+      const double size = window && s < 2 ? rows.period() : of.size_at(u.shape[s]);
       const double step = difference * size;
       Eigen::VectorXd ahead = u.shape, behind = u.shape;
       ahead[s] += step;

@@ -121,7 +121,7 @@ std::vector<Eigen::VectorXd> shapes(const std::vector<ShapeParameter>& parameter
       for (int k = 0; k < count; ++k) {
         const double part = count > 1 ? double(k) / (count - 1) : 0.5;
         Eigen::VectorXd next(s.size() + 1);
-        next << s, p.logarithmic ? p.low * std::pow(p.high / p.low, part) : p.low + part * (p.high - p.low);
+        next << s, p.at(part);
         wider.push_back(next);
       }
     }

@@ -283,7 +283,7 @@ std::vector<Eigen::VectorXd> grid_points(const GapRows& rows, const Hypothesis& 
       for (int k = 0; k < s.points; ++k) {
         const double part = s.points > 1 ? double(k) / (s.points - 1) : 0.0;
         Eigen::VectorXd q(p.size() + 1);
-        q << p, s.logarithmic ? s.low * std::pow(s.high / s.low, part) : s.low + part * (s.high - s.low);
+        q << p, s.at(part);
         next.push_back(q);
       }
     }

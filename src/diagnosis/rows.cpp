@@ -197,8 +197,11 @@ void GapRows::find_ranges() {
     all_tau.middleRows(at, m.samples()) = m.tau;
     at += m.samples();
   }
-  const std::vector<JointScale> scales =
+  std::vector<JointScale> scales =
       joint_scales(motions_->front().robot(), all_q, all_dq, all_ddq, all_tau, 1.0 / motions_->front().rate);
+  double longest = 0.0;  // a motion may be a window of its log, whose time it keeps
+  for (const GapMotion& m : *motions_) longest = std::max(longest, m.t[m.samples() - 1]);
+  for (JointScale& s : scales) s.recorded = longest;
   for (int j = 0; j < n; ++j) {
     Eigen::VectorXd tau = all_tau.col(j);
     // Third differences leave noise of twenty times the variance and next to nothing of the motion.

@@ -70,15 +70,8 @@ UnitShape refined(const Evaluator& by, const Hypothesis& h, UnitShape unit, cons
       const ShapeParameter& p = shape[static_cast<std::size_t>(s)];
       if (p.points < 3) continue;
       const double x = unit.shape[s];
-      if (p.logarithmic) {
-        const double step = std::pow(p.high / p.low, 1.0 / (p.points - 1));
-        best =
-            improve(by, h, unit, s, std::max(p.low, x / step), std::min(p.high, x * step), true, best, gain);
-      } else {
-        const double step = (p.high - p.low) / (p.points - 1);
-        best =
-            improve(by, h, unit, s, std::max(p.low, x - step), std::min(p.high, x + step), false, best, gain);
-      }
+      const auto [low, high] = p.beside(x);
+      best = improve(by, h, unit, s, low, high, p.logarithmic && !p.both_ways(), best, gain);
     }
   }
   return unit;

@@ -194,6 +194,7 @@ std::vector<JointScale> joint_scales(const Robot& robot, const MatrixXd& q, cons
     if (s.torque <= least_part * of_model) s.torque = std::sqrt(measured[j]);
     if (s.torque <= least_part * of_model) s.torque = part_at_rest * of_model;
     s.sampling = period;
+    s.recorded = period * double(q.rows());
   }
   fill_up(scales);
   return scales;

@@ -6,6 +6,7 @@
 #include <random>
 #include <set>
 
+#include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
 #include "model/xml_index.hpp"
 
@@ -37,6 +38,11 @@ TEST(Text, Joins) {
   EXPECT_EQ(capitalised("gap"), "Gap");
   EXPECT_EQ(capitalised("\u00fcber"), "\u00fcber");
   EXPECT_EQ(capitalised(""), "");
+}
+
+TEST(Text, AnErrorIsOneLineWhateverItQuotes) {
+  EXPECT_STREQ(Error("a: b\r\nc\t\n").what(), "a: b  c");
+  EXPECT_STREQ(Error("\n").what(), "");
 }
 
 TEST(Text, OneLineIsOneLine) {

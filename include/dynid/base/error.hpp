@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -8,10 +9,19 @@ namespace dynid {
 
 /// The one exception of the library, thrown by set-up, reading and fitting; never by the real-time kernels.
 ///
-/// what() is one line that names the file, the line or key, the link or joint, and the rule broken.
+/// what() is one line that names the file, the line or key, the link or joint, and the rule broken: of what it quotes
+/// (a heading of a file, a library's message) control characters become blanks.
 class Error : public std::runtime_error {
  public:
-  explicit Error(const std::string& text) : std::runtime_error(text) {}
+  explicit Error(const std::string& text) : std::runtime_error(in_one_line(text)) {}
+
+ private:
+  static std::string in_one_line(std::string text) {
+    std::replace_if(
+        text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
+    while (!text.empty() && text.back() == ' ') text.pop_back();
+    return text;
+  }
 };
 
 }  // namespace dynid

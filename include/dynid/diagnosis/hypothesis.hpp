@@ -30,7 +30,16 @@ struct ShapeParameter {
   std::string key, unit;
   double low, high;  ///< range, both included
   int points;        ///< of the grid
-  bool logarithmic;  ///< spacing of the grid
+  /// Spacing of the grid. With `low` = -`high` it goes both ways from 0, in two decades each.
+  bool logarithmic;
+
+  bool both_ways() const { return logarithmic && low < 0.0; }
+  /// A part of the range in the spacing of the grid: `low` at 0, `high` at 1; k / (points - 1) is the point k.
+  double at(double part) const;
+  /// The points of the grid on either side of x, or the ends of the range.
+  std::pair<double, double> beside(double x) const;
+  /// The size on which it changes, about x.
+  double size_at(double x) const;
 };
 
 /// What a joint does on the logs: what can be sought on it follows.

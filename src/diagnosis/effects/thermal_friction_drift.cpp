@@ -10,7 +10,11 @@ class ThermalFrictionDrift : public OwnTorque {
  public:
   ThermalFrictionDrift() : OwnTorque("thermal_friction_drift", {{"coefficient", "N m s/rad"}}) {}
   bool once() const override { return true; }
-  std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 15.0, 5, true}}; }
+  std::vector<ShapeParameter> shape() const override { return {{"time_constant", "s", 1.0, 20.0, 5, true}}; }
+  std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
+    if (!(s.recorded > 0.0)) return shape();
+    return {{"time_constant", "s", earliest_of_log * s.recorded, latest_of_log * s.recorded, 5, true}};
+  }
   bool approximate() const override { return true; }
   double prior(const Robot&) const override { return 0.4; }
 

@@ -19,8 +19,11 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
     return {{"motion_constant", "rad^2/s", 0.2, 6.0, 5, true}};
   }
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
-    const double sweep = s.travel * s.speed;  // the integral of dq^2 over one at full speed
-    return {{"motion_constant", "rad^2/s", 0.05 * sweep, 1.5 * sweep, 5, true}};
+    constexpr double earliest_of_heat = 0.02;  // of the log's: a joint that sheds it, too, is warm sooner
+    constexpr double usual = 0.2;  // of the largest speed's square, the mean one's
+    const double whole = s.recorded > 0.0 ? usual * s.speed * s.speed * s.recorded  // the integral of dq^2
+                                          : s.travel * s.speed;
+    return {{"motion_constant", "rad^2/s", earliest_of_heat * whole, latest_of_log * whole, 6, true}};
   }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {

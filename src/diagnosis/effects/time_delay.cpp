@@ -12,10 +12,10 @@ class TimeDelay : public Hypothesis {
   Scope scope() const override { return Scope::arm; }
   bool shape_only() const override { return true; }
   double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
-  std::vector<ShapeParameter> shape() const override { return {{"delay_s", "s", -0.05, 0.05, 21, false}}; }
+  std::vector<ShapeParameter> shape() const override { return {{"delay_s", "s", -0.05, 0.05, 21, true}}; }
   std::vector<ShapeParameter> shape_on(const JointScale& arm) const override {
     const double latest = latest_of_sweep * arm.duration();
-    return {{"delay_s", "s", -latest, latest, 21, false}};
+    return {{"delay_s", "s", -latest, latest, 21, true}};
   }
   ColumnBlock columns(const GapMotion& motion, int, const Eigen::VectorXd& shape) const override {
     Eigen::MatrixXd late(motion.samples(), motion.joints());

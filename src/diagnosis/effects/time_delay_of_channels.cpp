@@ -14,11 +14,11 @@ class TimeDelayOfChannels : public OwnTorque {
   bool shape_only() const override { return true; }
   double lateness(const Eigen::VectorXd& shape) const override { return shape[0]; }
   std::vector<ShapeParameter> shape() const override {
-    return {{"channel_delay_s", "s", -0.05, 0.05, 21, false}};
+    return {{"channel_delay_s", "s", -0.05, 0.05, 21, true}};
   }
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
     const double latest = latest_of_sweep * s.duration();
-    return {{"channel_delay_s", "s", -latest, latest, 21, false}};
+    return {{"channel_delay_s", "s", -latest, latest, 21, true}};
   }
 
  protected:
