@@ -16,7 +16,7 @@ class PreslidingHysteresis : public OwnTorque {
   PreslidingHysteresis() : OwnTorque("presliding_hysteresis", {{"coulomb", "N m"}}) {}
   std::vector<ShapeParameter> shape() const override { return {{"slip", "rad", 0.01, 0.4, 6, true}}; }
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
-    return {{"slip", "rad", 0.002 * s.travel, 0.15 * s.travel, 7, true}};
+    return {{"slip", "rad", 0.004 * s.travel, 0.15 * s.travel, 6, true}};
   }
   void restore(const Robot& robot, const Effect& effect, int unit, Eigen::VectorXd& c,
                Eigen::VectorXd& shape) const override {
