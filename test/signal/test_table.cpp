@@ -108,7 +108,7 @@ TEST(Log, BadLogsAreNamed) {
   expect_in("column dq2 is missing", log_error("t,q1,q2,dq1,tau1,tau2\n0,1,1,1,1,1\n"));
   expect_in("column t is missing", log_error("q1,dq1,tau1\n1,1,1\n"));
   expect_in("column q1 is missing", log_error("t,dq1,tau1\n1,1,1\n"));
-  expect_in("(columns: t, a b, c)", log_error("t,\"a\nb\",c\n1,1,1\n"));
+  expect_in("columns: t, a b, c;", log_error("t,\"a\nb\",c\n1,1,1\n"));
   expect_in("the log has 1 joints (q1..q1), the robot has 7", log_error("t,q1,dq1,tau1\n0,1,1,1\n", 7));
   expect_in(":4: column t: time goes back from 1 s to 0.5 s",
             log_error("t,q1,dq1,tau1\n0,1,1,1\n1,1,1,1\n0.5,1,1,1\n"));
