@@ -18,14 +18,14 @@
 namespace dynid {
 namespace {
 
-constexpr double decades_both_ways = 100.0;  // of the largest to where the grid turns to 0
+constexpr double span_both_ways = 100.0;  // of the largest to where the grid turns to 0
 
 }  // namespace
 
 double ShapeParameter::at(double part) const {
   if (both_ways()) {
     const double x = 2.0 * part - 1.0;
-    return std::abs(x) < 1e-9 ? 0.0 : std::copysign(high * std::pow(decades_both_ways, std::abs(x) - 1.0), x);
+    return std::abs(x) < 1e-9 ? 0.0 : std::copysign(high * std::pow(span_both_ways, std::abs(x) - 1.0), x);
   }
   return logarithmic ? low * std::pow(high / low, part) : low + part * (high - low);
 }
@@ -33,7 +33,7 @@ double ShapeParameter::at(double part) const {
 std::pair<double, double> ShapeParameter::beside(double x) const {
   const double step = 1.0 / (points - 1);
   if (both_ways()) {
-    const double ratio = std::pow(decades_both_ways, 2.0 * step), least = at(0.5 + step), size = std::abs(x);
+    const double ratio = std::pow(span_both_ways, 2.0 * step), least = at(0.5 + step), size = std::abs(x);
     if (size < 0.5 * least) return {-least, least};
     const double near = size < 1.001 * least ? 0.0 : size / ratio, far = std::min(high, size * ratio);
     return x > 0.0 ? std::pair{near, far} : std::pair{-far, -near};
@@ -47,7 +47,7 @@ std::pair<double, double> ShapeParameter::beside(double x) const {
 }
 
 double ShapeParameter::size_at(double x) const {
-  if (both_ways()) return std::max(std::abs(x), high / decades_both_ways);
+  if (both_ways()) return std::max(std::abs(x), high / span_both_ways);
   return logarithmic ? std::abs(x) : high - low;
 }
 

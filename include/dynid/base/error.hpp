@@ -9,8 +9,8 @@ namespace dynid {
 
 /// The one exception of the library, thrown by set-up, reading and fitting; never by the real-time kernels.
 ///
-/// what() is one line that names the file, the line or key, the link or joint, and the rule broken: of what it quotes
-/// (a heading of a file, a library's message) control characters become blanks.
+/// what() is one line that names the file, the line or key, the link or joint, and the rule broken. Control
+/// characters of what it quotes (a heading of a file, a library's message) become blanks.
 class Error : public std::runtime_error {
  public:
   explicit Error(const std::string& text) : std::runtime_error(in_one_line(text)) {}

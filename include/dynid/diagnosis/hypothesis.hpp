@@ -34,7 +34,7 @@ struct ShapeParameter {
   bool logarithmic;
 
   bool both_ways() const { return logarithmic && low < 0.0; }
-  /// A part of the range in the spacing of the grid: `low` at 0, `high` at 1; k / (points - 1) is the point k.
+  /// Of a part of the range as the grid is spaced: `low` at 0, `high` at 1, point k at k / (points - 1).
   double at(double part) const;
   /// The points of the grid on either side of x, or the ends of the range.
   std::pair<double, double> beside(double x) const;

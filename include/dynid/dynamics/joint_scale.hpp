@@ -43,7 +43,7 @@ struct JointScale {
   double travel = 1.0;        ///< range of the positions of the motion, or between the limits
   double inertia = 1.0;       ///< median of M_jj with the rotor's
   double sampling = 0.0;      ///< [s] period of the samples; 0 from a model alone
-  double recorded = 0.0;      ///< [s] how long the motion, or the longest of several logs, is; 0 from a model alone
+  double recorded = 0.0;      ///< [s] that the motion takes, or the longest log; 0 from a model alone
 
   const JointUnits& units() const { return joint_units(type); }
   double stiffness() const noexcept { return torque / travel; }  ///< torque over the travel

@@ -53,11 +53,11 @@ ShapeParameter sign_width(const JointScale& scale);
 /// tanh(dq / v_s) of a joint: N.
 Eigen::VectorXd smooth_signs(const GapMotion& motion, int joint, double velocity_scale);
 
-/// Of the time that a joint takes for its travel: no torque is later than that. A filter or a bus takes tens of
-/// milliseconds whatever the arm, and a small arm sweeps in a third of a second.
+/// Of the time that a joint takes for its travel: no torque is later than that. A filter or a bus takes tens
+/// of milliseconds whatever the arm, and a small arm sweeps in a third of a second.
 constexpr double latest_of_sweep = 0.25;
 
-/// Time constants of a drift, in parts of the log: what is over sooner is a transient, what takes longer is straight.
+/// Time constants of a drift, in parts of the log: sooner it is a transient, later it is straight.
 constexpr double earliest_of_log = 0.06, latest_of_log = 1.2;
 
 /// A speed at which joint `joint` (from 0) moves [rad/s or m/s]: half its limit, or, where there is none,

@@ -20,7 +20,7 @@ class ThermalFrictionDriftByMotion : public OwnTorque {
   }
   std::vector<ShapeParameter> shape_on(const JointScale& s) const override {
     constexpr double earliest_of_heat = 0.02;  // of the log's: a joint that sheds it, too, is warm sooner
-    constexpr double usual = 0.2;  // of the largest speed's square, the mean one's
+    constexpr double usual = 0.2;              // of the largest speed's square, the mean one's
     const double whole = s.recorded > 0.0 ? usual * s.speed * s.speed * s.recorded  // the integral of dq^2
                                           : s.travel * s.speed;
     return {{"motion_constant", "rad^2/s", earliest_of_heat * whole, latest_of_log * whole, 6, true}};
