@@ -11,7 +11,6 @@
 #include "cli/interrupt.hpp"
 #include "dynid/app/option_error.hpp"
 #include "dynid/base/error.hpp"
-#include "dynid/base/text.hpp"
 
 namespace dynid {
 namespace {

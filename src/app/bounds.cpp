@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "dynid/app/option_error.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
-#include "dynid/base/text.hpp"
 #include "dynid/retrieval/bounds.hpp"
 #include "dynid/retrieval/collision_box.hpp"
 #include "dynid/retrieval/shape.hpp"

@@ -4,6 +4,7 @@
 #include <ostream>
 
 #include "dynid/app/text.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/base/number.hpp"
 #include "dynid/base/text.hpp"
 

@@ -21,11 +21,6 @@ const char* escape_of(char c) {
   }
 }
 
-bool is_control(char c) {
-  const auto code = static_cast<unsigned char>(c);
-  return code < 0x20 || code == 0x7f;
-}
-
 }  // namespace
 
 std::string list_in_words(const std::vector<std::string>& parts) {
@@ -42,12 +37,6 @@ std::string with_spaces(std::string name) {
 
 std::string capitalised(std::string text) {
   if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 'a' + 'A');
-  return text;
-}
-
-std::string one_line(std::string text) {
-  std::replace_if(text.begin(), text.end(), is_control, ' ');
-  while (!text.empty() && text.back() == ' ') text.pop_back();
   return text;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "conversions.hpp"
+#include "dynid/base/error.hpp"
 #include "dynid/base/text.hpp"
 #include "dynid/model/export.hpp"
 #include "export_common.hpp"

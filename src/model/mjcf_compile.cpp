@@ -6,7 +6,6 @@
 
 #include "dynid/base/error.hpp"
 #include "dynid/base/file.hpp"
-#include "dynid/base/text.hpp"
 #include "dynid/model/mjcf.hpp"
 #ifdef DYNID_WITH_MUJOCO
 #include <mujoco/mujoco.h>

@@ -8,7 +8,7 @@ error on the motions that neither was fitted to.
 DATA: the folder that has so101_real. FOLDER: where a virtual environment with `mujoco[sysid]` from PyPI is made, once
 (build/venv_sysid). MuJoCo fits, as its example for this arm does, armature, frictionloss, damping and stiffness of each joint, from
 the shipped model, and one transport delay, chosen from --delays by a first short fit to one motion with each. Its progress goes to
-the standard error; on two cores it takes some twenty minutes."""
+the standard error; it takes a quarter of an hour of processor time."""
 
 import argparse
 import contextlib

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -103,7 +104,7 @@ TEST(Ranges, ADriftIsSoughtAsSlowAsTheLogIsLong) {
   }
 }
 
-/// Two logs of a robot of the family, at rates and with sensors as its size has them.
+/// Two logs of a robot that has the effect, with sensors as its size has them.
 std::vector<Log> family_logs(const Robot& robot, const std::string& effect, double duration, double rate) {
   std::vector<Log> logs;
   for (unsigned long seed : {41, 42}) {

@@ -28,9 +28,6 @@ std::string with_spaces(std::string name);
 /// With a capital first letter, where that is a letter of ASCII.
 std::string capitalised(std::string text);
 
-/// One line, whatever a library put into its message: control characters become blanks, those at the end go.
-std::string one_line(std::string text);
-
 /// `text` fit for the inside of a quoted attribute or an element of XML: & < > " escaped.
 std::string xml_escaped(const std::string& text);
 

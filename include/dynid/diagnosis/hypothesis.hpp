@@ -38,7 +38,7 @@ struct ShapeParameter {
   double at(double part) const;
   /// The points of the grid on either side of x, or the ends of the range.
   std::pair<double, double> beside(double x) const;
-  /// The size on which it changes, about x.
+  /// What a small change of it about x is a part of, in `unit`: |x|, or the range where that is linear.
   double size_at(double x) const;
 };
 
